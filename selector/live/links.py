@@ -5,8 +5,9 @@ import contextlib
 import csv
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -217,14 +218,8 @@ class FileLink(Link):
             if self._file.tell() == 0:
                 self._append(["time_s", *self._writes])
             return
-        self._rows = csv.DictReader(self._file)
-        self._next = self._row()
-
-    def _row(self) -> dict[str, str] | None:
-        """The next row that has a time; none at the end, and where it is no CSV any more."""
-        with contextlib.suppress(csv.Error):
-            return next((row for row in self._rows if math.isfinite(number_in(row["time_s"]))), None)
-        return None
+        self._rows = _timed(self._file)
+        self._next = next(self._rows, None)
 
     async def read(self, addresses: Iterable[str]) -> dict[str, Sample]:
         """See `Link`."""
@@ -234,7 +229,7 @@ class FileLink(Link):
             self._now = dict(zip(("time_s", *self._writes), cells, strict=True))
         passed_s = self._clock.monotonic() - (self._began_s or 0.0)
         while self._next is not None and number_in(self._next["time_s"]) <= passed_s:
-            self._now, self._next = self._next, self._row()
+            self._now, self._next = self._next, next(self._rows, None)
         return {name: Sample(number_in(self._now[name])) for name in addresses if name in self._now}
 
     async def write(self, values: Mapping[str, float]) -> None:
@@ -252,15 +247,21 @@ class FileLink(Link):
             self._file.close()
 
 
+def _timed(file: Iterable[str]) -> Iterator[dict[str, str]]:
+    """Rows that have a time, up to where it is no CSV any more."""
+    with contextlib.suppress(csv.Error):
+        yield from (row for row in csv.DictReader(file) if math.isfinite(number_in(row["time_s"])))
+
+
 def supervised_links(io: IoFile, clock: Clock, tell: Tell) -> dict[str, Supervised]:
     """A link for each connection of an IO file. Raises ModuleNotFoundError: the extra ``live`` is not installed."""
     return {
-        name: Supervised(name, _link(one, io, name, clock), one.timeout_s, clock, tell)
+        name: Supervised(name, _link(one, io, name, clock, tell), one.timeout_s, clock, tell)
         for name, one in io.connections.items()
     }
 
 
-def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
+def _link(connection: Connection, io: IoFile, name: str, clock: Clock, tell: Tell) -> Link:
     writes = io.writes(name)
     if connection.kind == "file":
         _require_table(connection.url, writes, io.reads(name), f"connection {name}: {connection.url}")
@@ -269,7 +270,7 @@ def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
     if connection.kind == "opcua":
         from selector.live.opcua import OpcUaLink
 
-        return OpcUaLink(connection, writes, io.counts(name))
+        return OpcUaLink(connection, io.reads(name), writes, io.counts(name), tell)
     if connection.kind == "mqtt":
         from selector.live.mqtt import MqttLink
 
@@ -285,11 +286,18 @@ def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
 
 
 def _require_table(path: str, writes: tuple[str, ...], reads: tuple[str, ...], where: str) -> None:
-    """Ends with an error unless this is a CSV with ``time_s`` and all of `reads`, or new, empty or one of `writes`."""
-    is_there, head = Path(path).is_file(), list[str]()
+    """Ends with an error unless this is a CSV with ``time_s`` and all of `reads`, or new, empty or one of `writes`.
+
+    What is read is played as time passes, and must not go back in it.
+    """
+    is_there, head, back = Path(path).is_file(), list[str](), None
     if is_there:
         with Path(path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
             head = next(csv.reader([file.readline(100_000)]), [])
+            if not writes and "time_s" in head:
+                file.seek(0)
+                times = (number_in(row["time_s"]) for row in _timed(file))
+                back = next((pair for pair in pairwise(times) if pair[1] < pair[0]), None)
     wanted = ["time_s", *(writes or reads)]
     if not (head in ([], wanted) if writes else set(wanted) <= set(head)):
         raise OptionError(
@@ -297,4 +305,11 @@ def _require_table(path: str, writes: tuple[str, ...], reads: tuple[str, ...], w
             expected=f"{'no file yet, or a' if writes else 'a'} CSV with commas and columns {', '.join(wanted)[:200]}",
             where=where,
             advice="name another file for the outputs, or move this one away" if writes else "correct url or addresses",
+        )
+    if back is not None:
+        raise OptionError(
+            f"time_s goes back from {back[0]:g} to {back[1]:g}",
+            expected="times that never decrease: the rows are played as time passes",
+            where=where,
+            advice="sort the rows by time_s; of runs one below the other, play one, or let their times go on",
         )

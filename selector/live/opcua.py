@@ -1,17 +1,19 @@
 """OPC UA by asyncua: numbers with status codes in, numbers of the declared type out, history where it is kept."""
 
+import asyncio
 import contextlib
 import logging
 import math
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
+from difflib import get_close_matches
 from typing import Any
 
 from asyncua import Client, ua
 from asyncua.ua.uaerrors import UaStatusCodeError
 
 from selector.live.io_file import Connection
-from selector.live.links import History, Sample, number_in
+from selector.live.links import History, Sample, Tell, number_in
 
 # what it says of a lost server stands in the journal
 logging.getLogger("asyncua").setLevel(logging.CRITICAL)
@@ -21,15 +23,21 @@ _COUNTS = {
     ua.VariantType.SByte, ua.VariantType.Byte, ua.VariantType.Int16, ua.VariantType.UInt16, ua.VariantType.Int32,
     ua.VariantType.UInt32, ua.VariantType.Int64, ua.VariantType.UInt64,
 }  # fmt: skip
+MOST_OFFERED = 5000  #: Variables among which one like an unknown NodeId is looked for
+LONGEST_LOOK_S = 3.0
 
 
 class OpcUaLink:
     """A server and its nodes, called by their NodeId, such as ``ns=2;s=Spindle.T1``."""
 
-    def __init__(self, connection: Connection, writes: Iterable[str], integers: Iterable[str]) -> None:
+    def __init__(
+        self, connection: Connection, reads: Iterable[str], writes: Iterable[str], integers: Iterable[str], tell: Tell
+    ) -> None:
         self._connection, self._writes, self._integers = connection, tuple(writes), tuple(integers)
+        self._reads, self._tell = tuple(reads), tell
         self._client: Client | None = None
         self._types: dict[str, ua.VariantType] = {}
+        self._near: dict[str, str] = {}  #: Address that was not there → NodeIds like it, told once
 
     async def open(self) -> None:
         """See `Link`. Raises TypeError: the declared type of an output is no number, or not that of its value."""
@@ -41,7 +49,36 @@ class OpcUaLink:
             client.set_user(said.user)
             client.set_password(said.password() or "")
         await client.connect()
+        await self._look_for((*self._reads, *self._writes))
         self._types = {address: await self._type(address) for address in self._writes}
+
+    async def _look_for(self, addresses: Iterable[str]) -> None:
+        """Tells which of them the server does not have, and what it offers like them."""
+        names = list(dict.fromkeys(addresses))
+        ids = [ua.NodeId.from_string(name) for name in names]
+        answers = await self._connected().uaclient.read_attributes(ids, ua.AttributeIds.NodeClass)
+        codes = [None if one.StatusCode is None else one.StatusCode.value for one in answers]
+        unknown = [n for n, code in zip(names, codes, strict=True) if code == ua.StatusCodes.BadNodeIdUnknown]
+        if new := [name for name in unknown if name not in self._near]:
+            offered: list[str] = []
+            # what was found until then is enough; an odd server is no reason not to read it
+            with contextlib.suppress(Exception):
+                await asyncio.wait_for(self._browse(offered), LONGEST_LOOK_S)
+            for name in new:
+                self._near[name] = ", ".join(get_close_matches(name, offered, 3)) or "nothing like it"
+                self._tell("node-unknown", asked=name, offered=self._near[name], advice="correct its address")
+
+    async def _browse(self, offered: list[str]) -> None:
+        """Adds the variables below the server's objects, those nearest to the root first."""
+        folders, seen = [self._connected().nodes.objects.nodeid], set[ua.NodeId]()
+        while folders and len(offered) < MOST_OFFERED:
+            for one in await self._connected().get_node(folders.pop(0)).get_children_descriptions():
+                # the server's account of itself is no sensor
+                if one.NodeId.NamespaceIndex and one.NodeId not in seen:
+                    seen.add(one.NodeId)
+                    folders.append(one.NodeId)
+                    if one.NodeClass is ua.NodeClass.Variable:
+                        offered.append(one.NodeId.to_string())
 
     async def _type(self, address: str) -> ua.VariantType:
         node = self._connected().get_node(address)

@@ -109,6 +109,21 @@ def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
     assert sorted((folder / "out").iterdir()) == before
 
 
+def test_a_day_whose_times_go_back_is_refused(folder, capsys):
+    text = (folder / "day.csv").read_text("utf-8")
+    # two rows of one moment go on; a second run below the first does not
+    (folder / "day.csv").write_text(text.replace("\n50,", "\n49,"), "utf-8")
+    assert command(folder, "--fast") == 0
+    before = (folder / "given.csv").read_bytes()
+    (folder / "day.csv").write_text(text.replace("\n50,", "\nnoon,\n48.5,"), "utf-8")
+    capsys.readouterr()
+    assert command(folder, "--fast") == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "time_s goes back from 49 to 48.5" in said
+    assert "day.csv" in said
+    assert (folder / "given.csv").read_bytes() == before
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [

@@ -109,10 +109,10 @@ class OpcUa:
 
 
 @asynccontextmanager
-async def opcua_plant(tmp_path, kind=ua.VariantType.Double):
+async def opcua_plant(tmp_path, kind=ua.VariantType.Double, addresses=NODES):
     port = free_port()
     process, clock = process_of(
-        tmp_path, f'kind = "opcua"\nurl = "opc.tcp://127.0.0.1:{port}"\n{OPEN_S}', addresses=NODES
+        tmp_path, f'kind = "opcua"\nurl = "opc.tcp://127.0.0.1:{port}"\n{OPEN_S}', addresses=addresses
     )
     plc = await OpcUa(port, clock, kind).start()
     try:
@@ -195,6 +195,24 @@ def test_opcua_output_that_is_no_real(tmp_path, kind):
             assert {value for _, value in plc.arrived} <= {0}
             assert kind.name in told(tmp_path)
             assert "Float or Double" in told(tmp_path)
+
+    asyncio.run(work())
+
+
+@pytest.mark.parametrize("slip", [0, 2])
+def test_a_node_that_is_not_there_is_told_once_with_what_is_offered(tmp_path, slip):
+    wrong = tuple(f"{name}emp" if k == slip else name for k, name in enumerate(NODES))
+
+    async def work():
+        async with opcua_plant(tmp_path, addresses=wrong) as (process, clock, plc):
+            await go(process, clock, 60)
+            # a connection whose output is not there is opened again and again
+            assert told(tmp_path).count('"node-unknown"') == 1
+            one = next(json.loads(line) for line in told(tmp_path).splitlines() if "node-unknown" in line)
+            assert one["asked"] == wrong[slip]
+            assert one["offered"].split(", ")[0] == NODES[slip]
+            assert plc.arrived == [] if slip == 2 else process.status()["sensors"] == {"T1": "MISSING"}
+            assert ("BadNodeIdUnknown" in told(tmp_path)) == (slip == 2)
 
     asyncio.run(work())
 
