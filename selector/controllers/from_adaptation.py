@@ -1,5 +1,6 @@
 """From a model on recordings to the courses that an adaptation learns from, and from what it learnt to a model file."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -43,8 +44,11 @@ def adaptation_courses(
             nothing = np.zeros(0, dtype=np.intp)
             course = Course(run, recording.time_s(run), modelled, recorded, nothing, np.zeros(0))
             if touched is not None:
-                course, left_out = _touched(course, touched[output.name].get(run, ()), zero)
-                findings.extend(_left_out(output.name, run, left_out))
+                counted = Counter(touched[output.name].get(run, ()))
+                copies = [time_s for (time_s, _), n in counted.items() for _ in range(n - 1)]
+                course, left_out = _touched(course, list(counted), zero)
+                findings.extend(_told("touch-off-without-prediction", output.name, run, left_out))
+                findings.extend(_told("touch-off-twice", output.name, run, copies))
                 at = course.touched_at
                 pairs.append(np.array([course.touched_um, recorded[at], recorded[np.maximum(at - 1, 0)]]))
                 if len(at) and not np.isfinite(recorded).any():
@@ -93,12 +97,18 @@ def _contradiction(response: str, *probed_um: Array) -> Iterator[Finding]:
         )
 
 
-def _left_out(response: str, run: str, times_s: Sequence[float]) -> Iterator[Finding]:
+_SAID = {
+    "touch-off-without-prediction": "where the model has no prediction",
+    # a copy agrees with its row, so that a false reading would be believed
+    "touch-off-twice": "with the time and the reading of another, not counted",
+}
+
+
+def _told(kind: str, response: str, run: str, times_s: Sequence[float]) -> Iterator[Finding]:
     if times_s:
         yield FINDINGS.finding(
-            "touch-off-without-prediction",
-            f"{response} in run {run}: {len(times_s)} touch-off{'' if len(times_s) == 1 else 's'} where the model has "
-            "no prediction.",
+            kind,
+            f"{response} in run {run}: {len(times_s)} touch-off{'' if len(times_s) == 1 else 's'} {_SAID[kind]}.",
             Where(channel=response, run=run, from_s=min(times_s), to_s=max(times_s)),
             {"times_s": list(times_s)},
         )

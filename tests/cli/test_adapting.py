@@ -123,6 +123,24 @@ def test_touch_offs_as_measured_are_those_of_the_recording(shop, capsys, tmp_pat
     assert answer["overall"]["Z"]["rmse_um"] == pytest.approx(every["overall"]["Z"]["rmse_um"], rel=0.1)
 
 
+def test_a_row_that_stands_twice_counts_once_and_is_told(shop, capsys, tmp_path):
+    rows = ["run,time_s,Z"]
+    for day in range(5):
+        table = pd.read_csv(shop / "runs" / f"d{day}.csv").iloc[30::30]
+        rows += [f"d{day},{t:g},{z!r}" for t, z in zip(table["time_s"], table["Z"], strict=True)]
+    false = f"d1,{table['time_s'].iloc[3] + 60:g},120.0"
+    (tmp_path / "once.csv").write_text("\n".join([*rows, false]) + "\n", encoding="utf-8")
+    (tmp_path / "twice.csv").write_text("\n".join([*rows, false, rows[1], false]) + "\n", encoding="utf-8")
+    once = told(shop, capsys, "--touch-offs", tmp_path / "once.csv")
+    twice = told(shop, capsys, "--touch-offs", tmp_path / "twice.csv")
+    copies = [one for one in twice["findings"] if one["id"] == "touch-off-twice"]
+    assert [(one["where"]["run"], len(one["evidence"]["times_s"])) for one in copies] == [("d0", 1), ("d1", 1)]
+    assert "touch-off-twice" not in {one["id"] for one in once["findings"]}
+    # a copy of a false reading would confirm it
+    assert twice["per_run"] == once["per_run"]
+    assert "touch-off-refused" in {one["id"] for one in once["findings"]}
+
+
 @pytest.mark.parametrize(("factor", "seconds", "false_ones"), [(0.001, 1, 0), (-1, 1, 0), (1, 60, 0), (1, 1, 2)])
 def test_touch_offs_that_are_something_else_than_the_recording_are_told(
     shop, capsys, tmp_path, factor, seconds, false_ones
