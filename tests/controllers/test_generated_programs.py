@@ -135,7 +135,10 @@ def test_two_outputs_on_one_axis_are_refused_alike_where_the_control_moves_it(ta
     twice = model.model_copy(update={"outputs": outputs, "fallbacks": ()})
     if target in ("c", "fmu", "st", "plcopen", "tcpou", "python"):
         # two numbers for whoever wires them: two probes along one axis are a usual test
-        TARGETS[target].write(twice)
+        given, names = TARGETS[target].write(twice), " and ".join(one.name for one in outputs)
+        assert given.install[0].startswith(f"{names} each correct the whole axis Z: wire one of them")
+        assert target == "fmu" or "Never add them" in " ".join(next(iter(given.files.values())).split())
+        assert not any("Never add them" in line for line in TARGETS[target].write(model).install)
         return
     with pytest.raises(ExportRefusedError) as refused:
         TARGETS[target].write(twice)

@@ -27,17 +27,29 @@ _UNLESS = (
 
 def require_own_axes(model: ModelFile, where: str) -> None:
     """Refuses two outputs on one axis: a control that moves it would move it twice, or by the last of them."""
-    taken: dict[str, str] = {}
+    for axis, (first, second, *_) in _shared_axes(model).items():
+        raise ExportRefusedError(
+            f"outputs {first} and {second} both correct axis {axis}",
+            expected="one output for one axis",
+            where=where,
+            advice="leave one of them out, or name the axis that it moves in the model file",
+        )
+
+
+def _shared_axes(model: ModelFile) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
     for output in model.outputs:
-        axis = output.axis_or_name.upper()
-        if axis in taken:
-            raise ExportRefusedError(
-                f"outputs {taken[axis]} and {output.name} both correct axis {axis}",
-                expected="one output for one axis",
-                where=where,
-                advice="leave one of them out, or name the axis that it moves in the model file",
-            )
-        taken[axis] = output.name
+        found.setdefault(output.axis_or_name.upper(), []).append(output.name)
+    return {axis: names for axis, names in found.items() if len(names) > 1}
+
+
+def _wired_once(model: ModelFile) -> list[str]:
+    """What is to be said where outputs are variables, and a person decides which of them moves an axis."""
+    return [
+        f"{' and '.join(names)} each correct the whole axis {axis}: wire one of them to it, that of the place where "
+        "the tool cuts. Never add them: the axis would be corrected twice."
+        for axis, names in _shared_axes(model).items()
+    ]
 
 
 def require_axes(axes: Iterable[str], known: str, why: str, where: str) -> None:
@@ -176,7 +188,7 @@ def with_sheet(
         before, after = (words[part].format(**values) for part in ("before", "after"))
         test = sign_test(model, before, said("command"), said("shown"), after)
     install, silently = (tuple(text.format(**values) for text in told[part]) for part in ("install", "silently"))
-    return Exported(files, install, test, silently, tuple(findings))
+    return Exported(files, (*_wired_once(model), *install), test, silently, tuple(findings))
 
 
 class _Template(Template):
@@ -201,6 +213,7 @@ def heading(model: ModelFile, *, is_sign_verified: bool) -> list[str]:
         f"Model: {model.name}",
         *(f"  {line} [um]" for line in formula_text(model).splitlines()),
         "The correction of an axis is the negative of its displacement.",
+        *_wired_once(model),
         *(
             f"TURNED ROUND: the correction of {output.name} is the displacement itself; the control counts the axis "
             "the other way."
