@@ -160,10 +160,10 @@ def _own_bench(pool: Pool, library: Library, machines: Sequence[str]) -> tuple[B
         cross, n_samples = centred(parts[-1].sum(axis=0))
         total[1:, 1:] += cross
         total[0, 0] += n_samples
-    rest = np.concatenate([one.sum(axis=0) - one for one in parts])
-    leave_one_out = LeaveOneOut(rest, np.concatenate(parts), found.n_columns)
-    power = np.ones(len(library.responses))
-    bench = Bench(library, total, lambda: leave_one_out, leave_one_out.left_out[:, 0, 0], power)
+    totals = np.concatenate([np.broadcast_to(one.sum(axis=0), one.shape) for one in parts])
+    products = np.concatenate(parts)
+    apart = LeaveOneOut(products, tuple((i,) for i in range(len(products))), totals, found.n_columns)
+    bench = Bench(library, total, apart, apart.left_out(0, 0), np.ones(len(library.responses)))
     return bench, np.repeat(np.arange(len(machines)), [len(one) for one in parts])
 
 

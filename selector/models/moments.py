@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -48,17 +49,16 @@ class Moments:
 
 
 def centred(total: Array) -> tuple[Array, float]:
-    """Cross-products about the mean, from those of [1, ...]; and the number of samples.
+    """Cross-products about the mean, from those of [1, ...] of shape (..., k, k); and the number of samples.
 
     A column that rests gets exact zeros: what centring leaves of it is rounding.
     """
-    n = float(total[0, 0])
-    sums = total[0, 1:]
-    cross = total[1:, 1:] - np.outer(sums, sums) / max(n, 1.0)
-    rests = np.diag(cross) <= 1e-13 * np.diag(total)[1:]
-    cross[rests, :] = 0.0
-    cross[:, rests] = 0.0
-    return (cross + cross.T) / 2.0, n
+    n = float(total.flat[0])
+    sums = total[..., 0, 1:]
+    cross = total[..., 1:, 1:] - sums[..., :, None] * sums[..., None, :] / max(n, 1.0)
+    rests = np.einsum("...ii->...i", cross) <= 1e-13 * np.einsum("...ii->...i", total)[..., 1:]
+    cross[rests[..., :, None] | rests[..., None, :]] = 0.0
+    return (cross + np.swapaxes(cross, -1, -2)) / 2.0, n
 
 
 def scaling_of(source: RunSource, design: Design) -> Scaling:
@@ -246,22 +246,26 @@ def _grouped(m: Moments, key: Callable[[tuple[str, ...]], str]) -> Grouping:
 
 @dataclass(frozen=True)
 class LeaveOneOut:
-    """Cross-products with each group left out, made once and used for every candidate."""
+    """Each group of some folds left out in turn; nothing is copied of the cross-products of all folds."""
 
-    training: Array  #: (n_groups, k, k)
-    left_out: Array  #: (n_groups, k, k)
+    products: Array  #: (n_folds, k, k): Those of `Moments`
+    groups: Grouping  #: Positions in `products`
+    totals: Array  #: (n_groups or 1, k, k): What a group is left out of
     n_columns: int
 
     @classmethod
     def of(cls, m: Moments, grouping: Grouping) -> "LeaveOneOut":
         """From the moments of all folds."""
-        left_out = np.array([m.products[list(group)].sum(axis=0) for group in grouping])
-        return cls(m.products.sum(axis=0) - left_out, left_out, m.n_columns)
+        return cls(m.products, grouping, m.products.sum(axis=0, keepdims=True), m.n_columns)
+
+    def left_out(self, rows: Any, places: Any) -> Array:
+        """These elements of the cross-products of every group, shape (n_groups, ...)."""
+        return np.array([sum(self.products[i][rows, places] for i in group) for group in self.groups])
 
     def errors(self, columns: Sequence[int], n_responses: int) -> HeldOut:
         """Errors of the least-squares fit on some columns (0 = first term), refitted without each group."""
         sse = self.errors_of(np.array([columns], dtype=np.int64), n_responses)
-        return HeldOut(sse[:, 0], self.left_out[:, 0, 0].copy())
+        return HeldOut(sse[:, 0], self.left_out(0, 0))
 
     def errors_of(self, sets: Indices, n_responses: int) -> Array:
         """Sum of squared errors of many sets of as many columns, shape (n_groups, n_sets, n_responses).
@@ -273,10 +277,11 @@ class LeaveOneOut:
         index = np.hstack([np.zeros((n_sets, 1), np.int64), 1 + sets, np.tile(responses, (n_sets, 1))])
         rows, places = index[:, :, None], index[:, None, :]
         at, of = range(1, 1 + size), range(1 + size, 1 + size + n_responses)
-        errors = [
-            squared_error(left_out[rows, places], at, of, coefficients(training[rows, places], at, of))
-            for training, left_out in zip(self.training, self.left_out, strict=True)
-        ]
+        errors, totals = [], [total[rows, places] for total in self.totals]
+        for k, group in enumerate(self.groups):
+            left_out = np.asarray(sum(self.products[i][rows, places] for i in group))
+            training = totals[k % len(totals)] - left_out
+            errors.append(squared_error(left_out, at, of, coefficients(training, at, of)))
         return np.array(errors)
 
 

@@ -86,7 +86,8 @@ class Agreement:
     """
 
     bench: Bench
-    cross: Array  #: (k, k): Cross-products of [1, columns, mean predictions] over the rows of the bench
+    cross: Array  #: (1 + n_columns, n_responses): Of [1, columns] with the mean predictions, over the rows of the bench
+    own: Array  #: (n_responses, n_responses): Of these with each other
 
     @classmethod
     def of(cls, bench: Bench, sets: Sequence[tuple[tuple[str, ...], Shape]], errors: Array) -> "Agreement":
@@ -100,13 +101,15 @@ class Agreement:
             at = [1 + column for column in bench.library.columns(*sets[i])]
             beta[[0, *at]] += weights[i] / weights.sum() * coefficients(bench.total, at, responses)
         columns = bench.total[:n, :n]
-        return cls(bench, np.block([[columns, columns @ beta], [beta.T @ columns, beta.T @ columns @ beta]]))
+        return cls(bench, columns @ beta, beta.T @ columns @ beta)
 
     def distance(self, sensors: Sequence[str], shape: Shape) -> float:
         """How near a set can come to it, as a root mean square, in spreads of the displacements."""
-        at = [1 + column for column in self.bench.library.columns(sensors, shape)]
-        of = range(1 + self.bench.library.moments.n_columns, len(self.cross))
-        left = squared_error(self.cross, at, of, coefficients(self.cross, at, of)) / self.bench.n_samples
+        index = np.array([0, *(1 + column for column in self.bench.library.columns(sensors, shape))])
+        beside, n = self.cross[index], len(index)
+        cross = np.block([[self.bench.total[index[:, None], index], beside], [beside.T, self.own]])
+        at, of = range(1, n), range(n, len(cross))
+        left = squared_error(cross, at, of, coefficients(cross, at, of)) / self.bench.n_samples
         return float(np.sqrt(np.maximum(left / self.bench.power, ROUNDING).mean()))
 
 
@@ -262,8 +265,7 @@ def tested(
             )
             if both not in (first, other) and _well_apart(both.sensor_taus_s) and _well_apart(both.speed_taus_s):
                 test(both, among=promising)
-    # a new bench holds no cross-products of single folds: of all choices together these would be folds² · terms²
-    return Tested(question, _side_by_side(question, list(trials.values()), bench), replace(bench))
+    return Tested(question, _side_by_side(question, list(trials.values()), bench), bench)
 
 
 def _side_by_side(question: Question, trials: Sequence[Trial], bench: Bench) -> tuple[Trial, ...]:

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,25 +49,27 @@ class EqualSets:
         return {**vars(self), "sets": sets}
 
 
-def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: Shape) -> EqualSets | None:
+def equal_sets(question: Question, made: Callable[[], Bench], known: tuple[str, ...], shape: Shape) -> EqualSets | None:
     """All sets as large as a known one that are about as good as the best; None where they are too many to look at.
 
-    For every response, and the best in the units in which sets are chosen (`unit_um`). The bench holds the terms of all
-    sensors. Nothing is missed: to leave a part out never lowers its error, so a set that errs more than the margin
-    allows where it was fitted needs no second look.
+    For every response, and the best in the units in which sets are chosen (`unit_um`). `made` makes the bench that
+    holds the terms of all sensors. Nothing is missed: to leave a part out never lowers its error, so a set that errs
+    more than the margin allows where it was fitted needs no second look.
     """
     sensors, must, size = question.sensors, question.options.must, len(known)
     others = [name for name in sensors if name not in must]
     n_sets = math.comb(len(others), max(size - len(must), 0))
     if n_sets > MOST_SETS or size < len(must):
         return None
+    bench = made()
     brought = [bench.library.columns((name,), shape) for name in sensors]
     shared = set(bench.library.columns((), shape))
     own = np.array([[column for column in columns if column not in shared] for columns in brought])
     always = np.array(sorted(shared), dtype=np.int64)
-    folds, n_responses = bench.leave_one_out, len(question.responses)
-    whole, n = folds.left_out.sum(axis=0, keepdims=True), folds.left_out[:, 0, 0].sum()
-    in_sample = LeaveOneOut(whole, whole, folds.n_columns)
+    apart, n_responses = bench.leave_one_out, len(question.responses)
+    total, n = apart.totals, apart.left_out(0, 0).sum()
+    # what is predicted is in the training, too
+    in_sample = LeaveOneOut(total, ((0,),), 2.0 * total, apart.n_columns)
     margin, best = question.options.within, bench.held_out(known, shape).rmse_um ** 2
     power = unit_um(question, np.sqrt(best), np.sqrt(bench.power)) ** 2
 
@@ -80,12 +82,12 @@ def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: 
     near: list[tuple[Indices, Array]] = [(np.empty((0, size), dtype=np.int64), np.empty((0, n_responses)))]
     for chosen in _chunks(sensors, must, others, size):
         at = np.concatenate([own[chosen].reshape(len(chosen), -1), np.tile(always, (len(chosen), 1))], axis=1)
-        seen = in_sample.errors_of(at, n_responses)[0] / n * (1.0 - ROUNDING)
+        seen = in_sample.errors_of(at, n_responses)[0] / total[0, 0, 0] * (1.0 - ROUNDING)
         # all that a better one may leave of a response, if it leaves nothing of the others
         promising = is_equal(seen, (best / power).sum() * power)
         at, chosen = at[promising], chosen[promising]
         if len(chosen):
-            unseen = folds.errors_of(at, n_responses).sum(axis=0) / n
+            unseen = apart.errors_of(at, n_responses).sum(axis=0) / n
             near.append((chosen, unseen))
             best = min(unseen[(unseen / power).sum(axis=1).argmin()], best, key=lambda one: float((one / power).sum()))
     chosen, unseen = (np.concatenate(part) for part in zip(*near, strict=True))

@@ -102,15 +102,14 @@ def fixed_set(
     vif = _vif(cross)
     outer = LeaveOneOut.of(library.moments, folds.outer)
     beta = coefficients(bench.total, at, responses)
-    others = coefficients(outer.training, at, responses)
     rss = squared_error(bench.total, at, responses, beta)
-    sse = squared_error(outer.left_out, at, responses, others)
+    sse = outer.errors(columns, len(library.responses)).sse
     models, faults = {}, []
     rest = np.zeros(len(sensors)) if folds.datum.reference == "rise" else np.array(scaling.centre)
     for j, (name, y) in enumerate(zip(library.responses, responses, strict=True)):
         slopes = beta[1:, j] / scale
         found = zip(sensors, slopes, vif, strict=True)
-        samples, squares = outer.left_out[:, 0, 0], outer.left_out[:, y, y]
+        samples, squares = outer.left_out(0, 0), outer.left_out(y, y)
         parts = tuple(
             HeldOutPart(folds.part(group).name, round(float(m)), float(np.sqrt(own / m)), float(np.sqrt(before / m)))
             for group, m, own, before in zip(folds.outer, samples, sse[:, j], squares, strict=True)

@@ -1,10 +1,11 @@
 """Shapes of a model, and the cross-products of every term that the shapes under test may need."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from selector.models.best_subsets.results import adjusted_r2
 from selector.models.design import Columns, Datum, Design, Form, Lag, ListedTerms, Scaling, Term
@@ -103,7 +104,7 @@ class Bench:
 
     library: Library
     total: Array  #: (k, k): Cross-products of [1, terms, responses] over the rows of the folds
-    apart: Callable[[], LeaveOneOut]  #: Makes `leave_one_out`
+    leave_one_out: LeaveOneOut  #: Of the inner groups
     samples: Array  #: (n_groups,): Samples of each inner group
     power: Array  #: (n_responses,): Variance of each response [µm²]
 
@@ -113,23 +114,22 @@ class Bench:
         part = library.moments.only(folds)
         inner = inner_grouping(part)
         samples = np.array([part.n_samples[list(group)].sum() for group in inner])
-        power = response_power(part)
-        return cls(library, part.whole, lambda: LeaveOneOut.of(library.moments.only(folds), inner), samples, power)
-
-    @cached_property
-    def leave_one_out(self) -> LeaveOneOut:
-        """Cross-products without each inner group; as large as those of all folds twice: keep a bench without it."""
-        return self.apart()
+        # rows that are purged between blocks are in the whole of all folds, and in none of them
+        total = part.whole if part is not library.moments else part.products.sum(axis=0)
+        groups = tuple(tuple(folds[i] for i in group) for group in inner)
+        apart = LeaveOneOut(library.moments.products, groups, total[None], part.n_columns)
+        return cls(library, part.whole, apart, samples, response_power(part))
 
     def cross(self, sensors: Sequence[str], shape: Shape, response: int) -> Array:
         """Centred cross-products of the terms of a set and one response, the response last."""
         at = [*self.library.columns(sensors, shape), self.library.moments.n_columns + response]
-        index = np.array(at)
-        return self._centred[index[:, None], index]
+        return self._about_means(at)
 
-    @cached_property
-    def _centred(self) -> Array:
-        return centred(self.total)[0]
+    def _about_means(self, columns: ArrayLike) -> Array:
+        """Cross-products about the means of some columns and responses, (..., n) → (..., n, n)."""
+        at = 1 + np.asarray(columns, dtype=np.int64)
+        index = np.concatenate([np.zeros((*at.shape[:-1], 1), dtype=np.int64), at], axis=-1)
+        return centred(self.total[index[..., :, None], index[..., None, :]])[0]
 
     @property
     def n_samples(self) -> int:
@@ -165,7 +165,7 @@ class Bench:
         terms, at = shape.terms(sensors, self.library.speeds), self.library.columns(sensors, shape)
         responses = range(1 + self.library.moments.n_columns, len(self.total))
         beta = coefficients(self.total, [1 + column for column in at], responses)[1:]
-        spread = np.sqrt(np.maximum(np.diag(self._centred)[at] / self.n_samples, 0.0))
+        spread = np.sqrt(np.maximum(np.diag(self._about_means(at)) / self.n_samples, 0.0))
         moved = beta * spread[:, None] / np.sqrt(self.power)
         owners = self.library.owners(sensors, shape)
         of = np.array([[s in owners[i] for i in range(len(terms))] for s in range(len(sensors))], dtype=np.float64)
@@ -173,7 +173,7 @@ class Bench:
         plain = [self.library.position[((name, 1),)] for name in sensors if ((name, 1),) in self.library.position]
         if alike >= 1.0 or len(plain) < len(sensors):
             return worst, False
-        cross = self._centred[np.ix_(plain, plain)]
+        cross = self._about_means(plain)
         size = np.sqrt(np.maximum(np.diag(cross), 1e-300))
         r, together = cross / size[:, None] / size, of @ moved
         opposed = together[:, None, :] * together[None, :, :] < 0.0
@@ -185,7 +185,7 @@ class Bench:
 
     def largest_vifs(self, sets: Indices) -> Array:
         """The same of many sets of as many columns, shape (n_sets,)."""
-        cross = self._centred[sets[:, :, None], sets[:, None, :]]
+        cross = self._about_means(sets)
         scale = np.sqrt(np.maximum(np.einsum("sii->si", cross), 1e-300))
         try:
             inverse = np.linalg.inv(cross / scale[:, :, None] / scale[:, None, :])
@@ -202,7 +202,7 @@ class Bench:
         n = self.library.moments.n_columns
         responses = range(1 + n, 1 + n + len(self.library.responses))
         rss = squared_error(self.total, at, responses, coefficients(self.total, at, responses))
-        sst = np.diag(self._centred)[n:]
+        sst = np.diag(self._about_means(np.array(responses) - 1))
         found = []
         for j in range(len(responses)):
             r2 = 1.0 - float(rss[j] / sst[j]) if sst[j] > 0 else float("nan")

@@ -126,10 +126,10 @@ def baselines(
     """What other ways reach on the same unseen parts [µm rmse], per response; `others` are offers not taken."""
     loo = LeaveOneOut.of(linear.moments, outer)
     n = len(linear.responses)
-    samples = loo.left_out[:, 0, 0]
+    samples = loo.left_out(0, 0)
     at = 1 + linear.moments.n_columns + np.arange(n)
     ways = {
-        "none": HeldOut(loo.left_out[:, at, at], samples).rmse_um,
+        "none": HeldOut(loo.left_out(at, at), samples).rmse_um,
         "mean": loo.errors([], n).rmse_um,
         "all sensors": loo.errors(list(range(linear.moments.n_columns)), n).rmse_um,
     }
@@ -148,10 +148,10 @@ def _held_out(library: Library, loo: LeaveOneOut, trials: Sequence[Trial]) -> He
     """Errors when each group is predicted by its own trial."""
     n = len(library.responses)
     rows = []
-    for i, trial in enumerate(trials):
-        one = LeaveOneOut(loo.training[i : i + 1], loo.left_out[i : i + 1], loo.n_columns)
+    for group, trial in zip(loo.groups, trials, strict=True):
+        one = replace(loo, groups=(group,))
         rows.append(one.errors(library.columns(trial.set.sensors, trial.shape), n).sse[0])
-    return HeldOut(np.array(rows), loo.left_out[:, 0, 0].copy())
+    return HeldOut(np.array(rows), loo.left_out(0, 0))
 
 
 #: Beyond so many runs, whole runs are left out in groups: a choice is made without each group, and again inside.
