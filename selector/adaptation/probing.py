@@ -77,25 +77,20 @@ def _periods(courses: Mapping[str, Sequence[Course]]) -> list[float | None]:
 
 def _inside(one: Judged, within_um: float) -> np.ndarray:
     """Per run, samples within and samples in all; of shape (n_runs, 2)."""
-    return np.array([(int(np.sum(np.abs(run.error_um) <= within_um)), len(run.time_s)) for run in one.runs])
+    counts = [(int(np.sum(np.abs(run.error_um) <= within_um)), len(run.time_s)) for run in one.runs]
+    return np.array(counts).reshape(-1, 2)
 
 
-def _share(of: Mapping[str, np.ndarray], left_out: int | None = None, only: int | None = None) -> float:
-    """The smallest share of any response, over all runs, all but one, or one."""
-    found = []
-    for counts in of.values():
-        chosen = np.ones(len(counts), dtype=np.bool_) if only is None else np.arange(len(counts)) == only
-        if left_out is not None:
-            chosen = np.arange(len(counts)) != left_out
-        inside, n = counts[chosen].sum(axis=0) if chosen.any() else (0, 0)
-        found.append(float(inside / n) if n else 0.0)
-    return min(found, default=0.0)
+def _share(of: Mapping[str, np.ndarray], left_out: int = -1) -> float:
+    """The smallest share of any response, over all runs, or all but one."""
+    sums = [counts[np.arange(len(counts)) != left_out].sum(axis=0) for counts in of.values()]
+    return min((float(inside / n) if n else 0.0 for inside, n in sums), default=0.0)
 
 
 def _holds(of: Mapping[str, np.ndarray]) -> bool:
     """Whether the share is enough over all runs, and over all but any one of them."""
     n_runs = max(map(len, of.values()), default=0)
-    return all(_share(of, left_out=k) >= SHARE for k in [None, *range(n_runs if n_runs > 1 else 0)])
+    return all(_share(of, left_out=k) >= SHARE for k in [-1, *range(n_runs if n_runs > 1 else 0)])
 
 
 def _share_unseen(shares: Sequence[Mapping[str, np.ndarray]]) -> float:

@@ -23,8 +23,7 @@ _COUNTS = {
     ua.VariantType.SByte, ua.VariantType.Byte, ua.VariantType.Int16, ua.VariantType.UInt16, ua.VariantType.Int32,
     ua.VariantType.UInt32, ua.VariantType.Int64, ua.VariantType.UInt64,
 }  # fmt: skip
-MOST_OFFERED = 5000  #: Variables among which one like an unknown NodeId is looked for
-LONGEST_LOOK_S = 3.0
+LONGEST_LOOK_S = 3.0  #: For what is like a NodeId that is not there
 
 
 class OpcUaLink:
@@ -71,7 +70,7 @@ class OpcUaLink:
     async def _browse(self, offered: list[str]) -> None:
         """Adds the variables below the server's objects, those nearest to the root first."""
         folders, seen = [self._connected().nodes.objects.nodeid], set[ua.NodeId]()
-        while folders and len(offered) < MOST_OFFERED:
+        while folders:
             for one in await self._connected().get_node(folders.pop(0)).get_children_descriptions():
                 # the server's account of itself is no sensor
                 if one.NodeId.NamespaceIndex and one.NodeId not in seen:

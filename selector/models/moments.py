@@ -250,7 +250,7 @@ class LeaveOneOut:
 
     products: Array  #: (n_folds, k, k): Those of `Moments`
     groups: Grouping  #: Positions in `products`
-    totals: Array  #: (n_groups or 1, k, k): What a group is left out of
+    total: Array  #: (n_groups or 1, k, k): What a group is left out of
     n_columns: int
 
     @classmethod
@@ -258,9 +258,9 @@ class LeaveOneOut:
         """From the moments of all folds."""
         return cls(m.products, grouping, m.products.sum(axis=0, keepdims=True), m.n_columns)
 
-    def left_out(self, rows: Any, places: Any) -> Array:
+    def left_out(self, rows: Any, columns: Any) -> Array:
         """These elements of the cross-products of every group, shape (n_groups, ...)."""
-        return np.array([sum(self.products[i][rows, places] for i in group) for group in self.groups])
+        return np.array([sum(self.products[i][rows, columns] for i in group) for group in self.groups])
 
     def errors(self, columns: Sequence[int], n_responses: int) -> HeldOut:
         """Errors of the least-squares fit on some columns (0 = first term), refitted without each group."""
@@ -277,7 +277,7 @@ class LeaveOneOut:
         index = np.hstack([np.zeros((n_sets, 1), np.int64), 1 + sets, np.tile(responses, (n_sets, 1))])
         rows, places = index[:, :, None], index[:, None, :]
         at, of = range(1, 1 + size), range(1 + size, 1 + size + n_responses)
-        errors, totals = [], [total[rows, places] for total in self.totals]
+        errors, totals = [], [total[rows, places] for total in self.total]
         for k, group in enumerate(self.groups):
             left_out = np.asarray(sum(self.products[i][rows, places] for i in group))
             training = totals[k % len(totals)] - left_out

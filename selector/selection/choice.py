@@ -11,7 +11,6 @@ from selector.models.design import Form, time_constant_grid
 from selector.models.moments import (
     MOST_ABOVE_BEST,
     WORTH_OF_A_SENSOR,
-    HeldOut,
     coefficients,
     squared_error,
     within_one_standard_error,
@@ -374,27 +373,19 @@ def _trials(
     origin: dict[tuple[str, ...], SensorSet],
 ) -> Iterator[Trial]:
     share = bench.samples / bench.samples.sum()
-    by_size: dict[int, list[tuple[tuple[str, ...], list[int]]]] = {}
-    for sensors in sets:
-        columns = bench.library.columns(sensors, shape)
-        by_size.setdefault(len(columns), []).append((sensors, columns))
-    for n_terms, alike in by_size.items():
-        at = np.array([columns for _, columns in alike], dtype=np.int64)
-        kept = bench.largest_vifs(at) <= MAX_VIF if shape.has_memory else np.ones(len(at), dtype=np.bool_)
-        sse = bench.leave_one_out.errors_of(at[kept], len(question.responses))
-        for i, k in enumerate(np.flatnonzero(kept)):
-            sensors, held_out = alike[k][0], HeldOut(sse[:, i], bench.samples)
-            errors = bench.relative(held_out)
-            yield Trial(
-                origin[sensors],
-                shape,
-                n_terms,
-                errors,
-                float(np.sqrt(errors @ share)),
-                held_out.rmse_um,
-                float("nan") if question.options.tolerance is None else bench.mean_adjusted_r2(sensors, shape),
-                held_out.mse,
-            )
+    most_vif = MAX_VIF if shape.has_memory else np.inf
+    for sensors, held_out in bench.held_out_of(sets, shape, most_vif).items():
+        errors = bench.relative(held_out)
+        yield Trial(
+            origin[sensors],
+            shape,
+            len(bench.library.columns(sensors, shape)),
+            errors,
+            float(np.sqrt(errors @ share)),
+            held_out.rmse_um,
+            float("nan") if question.options.tolerance is None else bench.mean_adjusted_r2(sensors, shape),
+            held_out.mse,
+        )
 
 
 def _searchable(found: Candidates) -> bool:

@@ -49,25 +49,27 @@ class EqualSets:
         return {**vars(self), "sets": sets}
 
 
-def equal_sets(question: Question, made: Callable[[], Bench], known: tuple[str, ...], shape: Shape) -> EqualSets | None:
+def equal_sets(
+    question: Question, bench_of: Callable[[Shape], Bench], known: tuple[str, ...], shape: Shape
+) -> EqualSets | None:
     """All sets as large as a known one that are about as good as the best; None where they are too many to look at.
 
-    For every response, and the best in the units in which sets are chosen (`unit_um`). `made` makes the bench that
-    holds the terms of all sensors. Nothing is missed: to leave a part out never lowers its error, so a set that errs
-    more than the margin allows where it was fitted needs no second look.
+    For every response, and the best in the units in which sets are chosen (`unit_um`). `bench_of` a shape holds the
+    terms of all sensors. Nothing is missed: to leave a part out never lowers its error, so a set that errs more than
+    the margin allows where it was fitted needs no second look.
     """
     sensors, must, size = question.sensors, question.options.must, len(known)
     others = [name for name in sensors if name not in must]
     n_sets = math.comb(len(others), max(size - len(must), 0))
     if n_sets > MOST_SETS or size < len(must):
         return None
-    bench = made()
+    bench = bench_of(shape)
     brought = [bench.library.columns((name,), shape) for name in sensors]
     shared = set(bench.library.columns((), shape))
     own = np.array([[column for column in columns if column not in shared] for columns in brought])
     always = np.array(sorted(shared), dtype=np.int64)
     apart, n_responses = bench.leave_one_out, len(question.responses)
-    total, n = apart.totals, apart.left_out(0, 0).sum()
+    total, n = apart.total, apart.left_out(0, 0).sum()
     # what is predicted is in the training, too
     in_sample = LeaveOneOut(total, ((0,),), 2.0 * total, apart.n_columns)
     margin, best = question.options.within, bench.held_out(known, shape).rmse_um ** 2

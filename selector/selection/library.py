@@ -112,13 +112,11 @@ class Bench:
     def of(cls, library: Library, folds: Sequence[int]) -> "Bench":
         """The bench for these folds."""
         part = library.moments.only(folds)
-        inner = inner_grouping(part)
-        samples = np.array([part.n_samples[list(group)].sum() for group in inner])
         # rows that are purged between blocks are in the whole of all folds, and in none of them
         total = part.whole if part is not library.moments else part.products.sum(axis=0)
-        groups = tuple(tuple(folds[i] for i in group) for group in inner)
+        groups = tuple(tuple(folds[i] for i in group) for group in inner_grouping(part))
         apart = LeaveOneOut(library.moments.products, groups, total[None], part.n_columns)
-        return cls(library, part.whole, apart, samples, response_power(part))
+        return cls(library, part.whole, apart, apart.left_out(0, 0), response_power(part))
 
     def cross(self, sensors: Sequence[str], shape: Shape, response: int) -> Array:
         """Centred cross-products of the terms of a set and one response, the response last."""
@@ -140,13 +138,18 @@ class Bench:
         """Errors on every inner group, fitted to the others."""
         return self.leave_one_out.errors(self.library.columns(sensors, shape), len(self.library.responses))
 
-    def held_out_of(self, sets: Sequence[tuple[str, ...]], shape: Shape) -> dict[tuple[str, ...], HeldOut]:
-        """The same of many sets, of each number of terms together."""
+    def held_out_of(
+        self, sets: Sequence[tuple[str, ...]], shape: Shape, most_vif: float = np.inf
+    ) -> dict[tuple[str, ...], HeldOut]:
+        """The same of many sets, of each number of terms together; without those in which a term has a larger VIF."""
         columns = {sensors: self.library.columns(sensors, shape) for sensors in sets}
         found = {}
-        for size in set(map(len, columns.values())):
+        for size in dict.fromkeys(map(len, columns.values())):
             alike = [sensors for sensors in sets if len(columns[sensors]) == size]
             at = np.array([columns[sensors] for sensors in alike], dtype=np.int64)
+            if most_vif < np.inf:
+                kept = np.flatnonzero(self.largest_vifs(at) <= most_vif)
+                at, alike = at[kept], [alike[k] for k in kept]
             sse = self.leave_one_out.errors_of(at, len(self.library.responses))
             found.update({sensors: HeldOut(sse[:, i], self.samples) for i, sensors in enumerate(alike)})
         return found

@@ -226,9 +226,10 @@ class Folds:
             return self.linear
         return self._compared(library_requests(self.question, found, static, lagged))
 
-    def of_all_sensors(self, shape: Shape) -> Library:
-        """Cross-products of the terms that all sensors bring in a shape."""
-        return self.linear if shape == LINEAR else self._compared([(self.question.sensors, shape)])
+    def bench_of_all_sensors(self, shape: Shape) -> Bench:
+        """The terms that all sensors bring in a shape, on all folds."""
+        asked = [(self.question.sensors, shape)]
+        return Bench.of(self.linear if shape == LINEAR else self._compared(asked), self.all)
 
     def _compared(self, requests: Sequence[tuple[tuple[str, ...], Shape]]) -> Library:
         """A library on the folds in which all sensors are compared."""

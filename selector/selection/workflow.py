@@ -147,11 +147,8 @@ def select(
     stability = stability_of(question, library, found_all.grouping, choice)
     combinations = combinations_of(question, Bench.of(library, folds.all), choice)
     equal = None
-    shape = choice.trial.shape
-    if isinstance(shape.form, Form) and not shape.form.interactions:
-        equal = equal_sets(
-            question, lambda: Bench.of(folds.of_all_sensors(shape), folds.all), choice.trial.set.sensors, shape
-        )
+    if isinstance(choice.trial.shape.form, Form) and not choice.trial.shape.form.interactions:
+        equal = equal_sets(question, folds.bench_of_all_sensors, choice.trial.set.sensors, choice.trial.shape)
     selection = Selection(
         options=question.options,
         sensors=question.sensors,
