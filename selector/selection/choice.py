@@ -373,8 +373,7 @@ def _trials(
     origin: dict[tuple[str, ...], SensorSet],
 ) -> Iterator[Trial]:
     share = bench.samples / bench.samples.sum()
-    most_vif = MAX_VIF if shape.has_memory else np.inf
-    for sensors, held_out in bench.held_out_of(sets, shape, most_vif).items():
+    for sensors, held_out in bench.held_out_of(sets, shape, MAX_VIF if shape.has_memory else np.inf).items():
         errors = bench.relative(held_out)
         yield Trial(
             origin[sensors],

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -177,6 +177,8 @@ class Exploration:
     folds: Folds
     ranges: Mapping[str, tuple[float, float]]  #: Smallest and largest value of each sensor
     findings: tuple[Finding, ...]  #: Why sensors and runs were left out
+    _cuts: dict[int, Cut] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _sets: dict[tuple[str, ...], FixedSet] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(
@@ -283,14 +285,6 @@ class Exploration:
         """Of every size, the set of all usable sensors that predicts left-out parts best."""
         choice = self._chosen(self.automatic)
         return {size: trial.set.sensors for size, trial in choice.by_size.items()}
-
-    @cached_property
-    def _cuts(self) -> dict[int, Cut]:
-        return {}
-
-    @cached_property
-    def _sets(self) -> dict[tuple[str, ...], FixedSet]:
-        return {}
 
     def cut(self, level: float) -> Cut:
         """What this λ gives.

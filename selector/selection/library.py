@@ -2,7 +2,6 @@
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -76,6 +75,7 @@ class Library:
     responses: tuple[str, ...]
     speeds: tuple[str, ...]
     scaling: Scaling  #: Of the variables
+    _columns: dict[tuple[tuple[str, ...], Shape], list[int]] = field(default_factory=dict, init=False, repr=False)
 
     def columns(self, sensors: Sequence[str], shape: Shape) -> list[int]:
         """Positions of the terms of a set of sensors."""
@@ -83,10 +83,6 @@ class Library:
         if asked not in self._columns:
             self._columns[asked] = [self.position[key_of(term)] for term in shape.terms(sensors, self.speeds)]
         return self._columns[asked]
-
-    @cached_property
-    def _columns(self) -> dict[tuple[tuple[str, ...], Shape], list[int]]:
-        return {}
 
     def owners(self, sensors: Sequence[str], shape: Shape) -> list[tuple[int, ...]]:
         """Sensors that each term needs, as positions in `sensors`; none for terms of the spindle speed."""
