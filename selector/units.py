@@ -76,18 +76,15 @@ def unit_for_role(unit: str, role: str, *, where: str) -> str:
     known = parse_unit(unit)
     if known is None:
         raise UnitError(
-            f"unit {unit!r} is not known",
+            f"unit {unit!r} is not known", where=where,
             expected=f"a unit that can be converted to {canonical}, the unit of role {role!r}",
-            where=where,
             advice=f'correct the unit in the machine file, e.g. unit = "{canonical}"',
-        )
+        )  # fmt: skip
     if not same_dimension(known, canonical):
         raise UnitError(
-            f"unit {unit!r} does not fit role {role!r}",
-            expected=f"a unit that can be converted to {canonical}",
-            where=where,
-            advice="correct the unit or the role of this channel in the machine file",
-        )
+            f"unit {unit!r} does not fit role {role!r}", expected=f"a unit that can be converted to {canonical}",
+            where=where, advice="correct the unit or the role of this channel in the machine file",
+        )  # fmt: skip
     return known
 
 
@@ -106,6 +103,8 @@ def same_dimension(unit: str, other: str) -> bool:
 def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float64]:
     """Values in another unit [pint names], float64; temperatures are readings, not differences.
 
+    Decimals that the calculation only nearly meets, 19.430000000000007 for 194.3 tenths of a degree, are met.
+
     Raises UnitError: the two units have different dimensions.
     """
     array = np.asarray(values, dtype=np.float64)
@@ -118,14 +117,31 @@ def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float
     registry = _registry()
     try:
         quantity: Any = registry.Quantity(array, unit)
-        return np.asarray(quantity.to(to).magnitude, dtype=np.float64)
+        found = np.asarray(quantity.to(to).magnitude, dtype=np.float64)
     except pint.DimensionalityError as error:
         raise UnitError(
-            f"{unit} cannot be converted to {to}",
-            expected=f"a unit with the dimension of {to}",
-            where="unit conversion",
-            advice="correct the unit in the machine file",
-        ) from error
+            f"{unit} cannot be converted to {to}", expected=f"a unit with the dimension of {to}",
+            where="unit conversion", advice="correct the unit in the machine file",
+        ) from error  # fmt: skip
+    return _on_decimals(found, _THROUGH_K if to in ("degC", "degF") else 0.0)
+
+
+_THROUGH_K = 300.0  #: Temperatures are converted through kelvin, whose roundings they keep.
+
+
+def _on_decimals(values: NDArray[np.float64], through: float) -> NDArray[np.float64]:
+    """Values of so few decimals that chance would not meet them, without the roundings of a calculation `through`."""
+    finite = values[np.isfinite(values)]
+    rounding = 4.0 * np.spacing(np.maximum(np.abs(finite), through))
+    for decimals in range(16):
+        if not len(finite) or 10.0**-decimals < 100.0 * rounding.max():
+            break
+        few = slice(None, 200)
+        if (np.abs(np.round(finite[few], decimals) - finite[few]) <= rounding[few]).all() and (
+            np.abs(np.round(finite, decimals) - finite) <= rounding
+        ).all():
+            return np.round(values, decimals)
+    return values
 
 
 def to_canonical(values: NDArray[np.float64], unit: str, role: str) -> NDArray[np.float64]:

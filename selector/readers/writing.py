@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.csv as arrow_csv
 import pyarrow.parquet as pq
@@ -16,6 +17,7 @@ from selector.readers.machine_file import Machine, MachineSection, TimeSection, 
 from selector.readers.reading import Reading, channel_section
 from selector.readers.tables import unique_headers
 from selector.recording import Recording
+from selector.types import Vector
 
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
@@ -34,6 +36,7 @@ def write_machine_file(
 def convert(reading: Reading, out_dir: Path, format: str = "csv") -> list[Path]:  # noqa: A002 - the contract's word
     """Write clean recordings and their ``machine.toml``; reading them back gives bit-identical values.
 
+    Of channels that hold nothing but single precision, CSV has the digits that single precision needs: these bits.
     One file per run, called after it: UTF-8, comma, decimal point, one header row, first column ``time_s`` from the
     start of the run, canonical units, missing values empty. A header that a spreadsheet would take for a formula gets
     an apostrophe in front (`selector.csv_text.defused`), which is dropped when it is read. The recordings are named in
@@ -55,11 +58,10 @@ def convert(reading: Reading, out_dir: Path, format: str = "csv") -> list[Path]:
     for path in (*targets.values(), machine_path):
         if path.resolve() in inputs:
             raise OptionError(
-                f"{path.name} in the output folder is one of the inputs",
+                f"{path.name} in the output folder is one of the inputs", where=str(out_dir),
                 expected="a folder in which nothing that was read is overwritten",
-                where=str(out_dir),
                 advice="choose another output folder (--out)",
-            )
+            )  # fmt: skip
     name = reading.machine.machine.name if reading.machine is not None else None
     return write_recording(recording, targets, machine_path, name, format)
 
@@ -86,11 +88,10 @@ def write_recording(
     text = machine_text(Machine(machine=machine, time=time, channels=channels))
     if machine_path.exists() and machine_path.read_bytes() != text.encode("utf-8"):
         raise OptionError(
-            "another machine file is in the output folder",
+            "another machine file is in the output folder", where=str(machine_path),
             expected="a folder without one, because it may hold corrections made by hand",
-            where=str(machine_path),
             advice="choose another output folder (--out), or move that file away",
-        )
+        )  # fmt: skip
     writers[machine_path] = lambda target: target.write_text(text, encoding="utf-8", newline="\n")
     try:
         with written_together(writers) as drafts:
@@ -98,11 +99,9 @@ def write_recording(
                 write(drafts[path])
     except OSError as error:
         raise OptionError(
-            f"the output cannot be written ({error.strerror or error})",
-            expected="a folder that can be written, and enough space",
-            where=str(machine_path.parent),
-            advice="choose another output folder (--out)",
-        ) from error
+            f"the output cannot be written ({error.strerror or error})", where=str(machine_path.parent),
+            expected="a folder that can be written, and enough space", advice="choose another output folder (--out)",
+        ) from error  # fmt: skip
     return [*targets.values(), machine_path]
 
 
@@ -136,6 +135,8 @@ def _run_writer(recording: Recording, run: str, headers: list[str], form: str) -
             ]
             pq.write_table(pa.table(arrays, schema=pa.schema(fields)), target, row_group_size=200_000)
             return
+        # 19.43 in single precision is 19.43000030517578 in double
+        arrays[1:] = [_narrow(one) for one in values.T]
         with target.open("wb") as stream:
             stream.write(csv_text(["time_s", *headers]).encode("utf-8"))
             names = [str(k) for k in range(len(arrays))]
@@ -143,3 +144,10 @@ def _run_writer(recording: Recording, run: str, headers: list[str], form: str) -
             arrow_csv.write_csv(pa.table(arrays, names=names), stream, options)
 
     return write
+
+
+def _narrow(values: Vector) -> pa.Array:
+    """Single precision where that is all there is."""
+    with np.errstate(over="ignore"):
+        single = values.astype(np.float32)
+    return pa.array(single if np.array_equal(single, values, equal_nan=True) else values, from_pandas=True)

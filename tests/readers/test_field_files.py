@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.io import savemat
 from typer.testing import CliRunner
 
 from selector.cli import app
 from selector.readers import read
-from selector.units import CANONICAL_UNITS, parse_unit, unit_for_role
+from selector.units import CANONICAL_UNITS, convert, parse_unit, unit_for_role
 
 TIME = np.arange(120) * 10.0
 COURSES = {
@@ -113,6 +114,39 @@ def test_a_unit_that_was_understood_is_understood_again():
     for unit in CANONICAL_UNITS.values():
         assert parse_unit(unit) is not None
     assert unit_for_role(unit_for_role("in/min", "feed_rate", where="F"), "feed_rate", where="F") == "inch/min"
+
+
+def test_decimals_of_a_file_are_met_by_conversions():
+    """Through kelvin, tenths of a degree became 19.430000000000007."""
+    tenths = np.arange(-500, 2000) / 10.0
+    np.testing.assert_array_equal(convert(tenths, "decidegC", "degC"), np.round(tenths / 10.0, 2))
+    np.testing.assert_array_equal(convert(np.array([292.58, 273.07, np.nan]), "kelvin", "degC"), [19.43, -0.08, np.nan])
+    np.testing.assert_array_equal(convert(np.array([0.0123, -0.0131]), "mm", "um"), [12.3, -13.1])
+
+
+def test_conversions_keep_every_bit_of_values_without_decimals():
+    rng = np.random.default_rng(3)
+    kelvin = rng.uniform(280.0, 300.0, 2000)
+    np.testing.assert_array_equal(convert(kelvin, "kelvin", "degC") + 273.15, kelvin)
+    mixed = np.r_[np.full(500, 292.58), kelvin]
+    np.testing.assert_array_equal(convert(mixed, "kelvin", "degC")[500:] + 273.15, kelvin)
+
+
+def test_convert_writes_single_precision_as_short_as_it_is(tmp_path):
+    rng = np.random.default_rng(4)
+    single = {"T1": (20.0 + np.arange(60) * 0.01).astype("f4"), "Z": rng.normal(0.0, 9.0, 60).astype("f4")}
+    double = rng.normal(20.0, 1.0, 60)
+    pd.DataFrame({"time_s": np.arange(60) / 3.0, **single, "T2": double}).to_parquet(tmp_path / "r1.parquet")
+    done = CliRunner().invoke(app, ["convert", str(tmp_path / "r1.parquet"), "--out", str(tmp_path / "clean")])
+    assert done.exit_code == 0, done.output
+    text = (tmp_path / "clean" / "r1.csv").read_text(encoding="utf-8")
+    lines = [line.split(",") for line in text.splitlines()]
+    assert [line[lines[0].index("T1")] for line in lines[1:4]] == ["20", "20.01", "20.02"]
+    found = read([tmp_path / "clean" / "r1.csv"]).recording
+    for name, values in single.items():
+        np.testing.assert_array_equal(found.frame[name].to_numpy().astype("f4"), values)
+    np.testing.assert_array_equal(found.frame["T2"], double)
+    np.testing.assert_array_equal(found.time_s("r1"), np.arange(60) / 3.0)
 
 
 def test_convert_writes_no_codes_of_broken_sensors_and_says_so(tmp_path):
