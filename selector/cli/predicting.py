@@ -164,21 +164,12 @@ def predict(
     foreseen = steps.temperatures(recording.with_role("ambient"))
     hall = AmbientCourse(steps.time_s, np.column_stack([*foreseen.values()]), tuple(foreseen)) if foreseen else None
     prediction = predicted(
-        thermal_tests(recording, responses),
-        responses,
-        cyclogram,
-        method=asked.method,
-        hall=hall,
-        start=asked.start,
-        operations_s=lengths_s,
-        tolerance_um=asked.tolerances_um(),
+        thermal_tests(recording, responses), responses, cyclogram, method=asked.method, hall=hall, start=asked.start,
+        operations_s=lengths_s, tolerance_um=asked.tolerances_um(), find_order=asked.order, readings=day,
         resolution_s=None if asked.resolution is None else 60.0 * asked.resolution,
-        find_order=asked.order,
-        warm_up_s=60.0 * (asked.warm_up or 0.0),
+        warm_up_s=60.0 * (asked.warm_up or 0.0), told=(*of_recording, *of_cycle),
         temperatures=[name for name in responses if name in recording.with_role("temperature")],
-        readings=day,
-        told=(*of_recording, *of_cycle),
-    )
+    )  # fmt: skip
     told_of_tests = {**provenance_of(reading), "duty cycle": steps.file}
     described = {**reading.description(), "drift": drift_of(recording)}
     account = prediction_account(prediction, described, told_of_tests, drawn=out is not None)

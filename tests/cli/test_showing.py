@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.console import Console
 
 from selector.cli.shared import showing
 from selector.findings import Finding, Where
+from selector.telling.account import Account, captioned, section, sections, table
 from selector.telling.numbers import span_text
 
 FINDING = Finding(
@@ -160,3 +162,24 @@ def test_cell_text(value, text):
 def test_signs_survive_a_code_page_that_lacks_them():
     assert "Z = −1.9 + 6·ΔT1".encode("ascii", "selector.spelt-out") == b"Z = -1.9 + 6*dT1"
     assert "漢".encode("cp1252", "selector.spelt-out") == b"?"
+
+
+@pytest.mark.parametrize("width", [80, 140])
+@pytest.mark.parametrize("sentences", [1, 6])
+def test_an_answer_of_many_tables_fits_a_screen_and_says_where_the_rest_is(width, sentences):
+    rows = [(f"Spindelstock_Oben_Lager_{k}", float(k), "what a row says at some length") for k in range(30)]
+    tables = [section(f"s{k}", f"Table {k}", captioned("", table(["name", ">value", "text"], rows))) for k in range(5)]
+    account = Account("A result", ("It is [/so] and so. " * 10,) * sentences, sections(*tables))
+    long = replace(FINDING, statement="What was found. " * 12)
+    shown = {}
+    for everything in (False, True):
+        stream = io.StringIO()
+        showing.show_answer(Console(file=stream, width=width), account, [long] * 3, everything=everything)
+        shown[everything] = stream.getvalue()
+    assert shown[False].count("\n") <= 40
+    assert "Table 0" in shown[False]
+    assert "Table 4" not in shown[False]
+    assert "--all shows" in shown[False]
+    assert "more rows are in the page" in shown[False]
+    assert shown[True].count("_29") == 5
+    assert "--all" not in shown[True]

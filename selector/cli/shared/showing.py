@@ -97,31 +97,45 @@ def _harmless(text: str) -> str:
     return "".join(sign if sign.isprintable() or sign in "\n\t" else "?" for sign in text)
 
 
-#: Rows of a table, and findings, that are shown; a page and the JSON have all.
-MOST_ROWS, MOST_ROWS_IN_BRIEF, MOST_FINDINGS, MOST_INFO = 20, 6, 5, 2
+#: Rows of a table, and findings, that are shown; a page and the JSON have all. In brief a table alone may have more.
+MOST_ROWS, MOST_ROWS_IN_BRIEF, MOST_ALONE, MOST_FINDINGS, MOST_INFO = 20, 6, 12, 5, 2
+#: Lines for sentences and tables, which leave some of 40 for findings and files; rows from which on a table is begun.
+MOST_LINES, LEAST_ROWS = 28, 3
 
 Everything = Annotated[bool, option("answers --all")]
 
 
-def show_account(console: Console, account: Account, *, everything: bool = False) -> None:
-    """What an account says, in sentences and in the tables that answer the question; what several note is said once."""
+def show_account(console: Console, account: Account, *, everything: bool = False, most_lines: int = 10**6) -> bool:
+    """What an account says, in sentences and in the tables that answer the question; what several note is said once.
+
+    Of `most_lines` those tables are shown, the first ones, that there is room for; returned is whether some were not.
+    """
     console.print(_harmless(account.title), style="bold", markup=False, soft_wrap=True)
     for sentence in account.sentences:
         console.print(_harmless(sentence), markup=False)
     console.print()
     is_brief = not everything and account.brief is not None
-    most = None if everything else MOST_ROWS_IN_BRIEF if is_brief else MOST_ROWS
+    chosen = [one for one in account.sections if not is_brief or one.id in (account.brief or ())]
+    tables = [one for of in chosen for one in of.blocks if isinstance(one, Captioned) and one.on_screen]
+    most = None if everything else MOST_ROWS
+    if is_brief:
+        most = MOST_ROWS_IN_BRIEF if account.answer is not None or len(tables) > 1 else MOST_ALONE
+    room = max(most_lines - _height(console, *account.sentences), MOST_ROWS_IN_BRIEF)
     # what notes explain is looked up
     known = [block.table for section in account.sections for block in section.blocks if isinstance(block, Captioned)]
     noted = {one.note for one in (account.answer, *known) if one is not None and is_brief}
     if account.answer is not None:
         show_captioned(console, Captioned("In numbers", account.answer), "", most=most, noted=noted)
-    for section in account.sections:
-        if is_brief and section.id not in (account.brief or ()):
-            continue
+    is_whole, is_begun = True, False
+    for section in chosen:
         for block in section.blocks:
             if isinstance(block, Captioned) and block.on_screen and block.table.rows:
-                show_captioned(console, block, section.title, most=most, noted=noted)
+                fit, room = (most, room) if is_brief or everything else _within(console, block, room)
+                # what answers first is begun in any case
+                fit, is_begun = (fit if is_begun or fit != 0 else LEAST_ROWS), True
+                is_whole &= fit is None or fit >= len(block.table.rows)
+                if fit != 0:
+                    show_captioned(console, block, section.title, most=fit, noted=noted)
             elif isinstance(block, Heading) and block.on_screen:
                 console.print(_harmless(block.text), style="bold", markup=False)
             elif isinstance(block, Note | Paragraph) and block.on_screen:
@@ -130,12 +144,28 @@ def show_account(console: Console, account: Account, *, everything: bool = False
                     continue
                 lead = f"{block.lead} " if isinstance(block, Paragraph) and block.lead else ""
                 console.print(_harmless(lead + block.text), "", sep="\n", markup=False)
+    return is_whole
+
+
+def _within(console: Console, told: Captioned, room: int) -> tuple[int, int]:
+    """How many rows of a table there is room for, and how many lines are left then."""
+    rows = min(len(told.table.rows), MOST_ROWS)
+    lines = len(console.render_lines(_table_of(told, told.caption, rows), pad=False))
+    below = _height(console, told.table.note, "") if told.table.note else 0
+    fit = rows if lines + below <= room else (room - below - 6) * rows // lines
+    return fit if fit >= min(LEAST_ROWS, rows) else 0, max(room - lines - below, 0)
+
+
+def _height(console: Console, *texts: str) -> int:
+    from rich.text import Text
+
+    return sum(len(console.render_lines(Text(text), pad=False)) for text in texts)
 
 
 def show_answer(console: Console, account: Account, findings: Iterable[Finding], *, everything: bool) -> None:
     """What an account says, the findings of the answer, and where the rest is."""
-    show_account(console, account, everything=everything)
-    show_findings(console, findings, everything=everything, more=account.brief is not None)
+    is_whole = show_account(console, account, everything=everything, most_lines=MOST_LINES)
+    show_findings(console, findings, everything=everything, more=account.brief is not None or not is_whole)
 
 
 def give_answer(
@@ -165,16 +195,20 @@ def show_captioned(
     console: Console, told: Captioned, otherwise: str, *, most: int | None = None, noted: set[str] | None = None
 ) -> None:
     """A table under its caption, or `otherwise`, with at most so many rows; and its note, unless that was `noted`."""
-    columns, rows, said = told.table.columns, told.table.rows, set() if noted is None else noted
-    names = [column.name for column in columns]
-    numeric = [column.name for column in columns if column.numeric]
-    console.print(table(told.caption or otherwise, names, rows[:most], numeric=numeric))
+    rows, said = told.table.rows, set() if noted is None else noted
+    console.print(_table_of(told, told.caption or otherwise, most))
     left = 0 if most is None else max(0, len(rows) - most)
     more = f"{left} more rows are in the page and in the JSON. " if left else ""
     note = more + ("" if told.table.note in said else told.table.note)
     if note:
         console.print(_harmless(note), "", sep="\n", style="dim", markup=False)
     said.add(told.table.note)
+
+
+def _table_of(told: Captioned, title: str, most: int | None) -> Table:
+    columns = told.table.columns
+    numeric = [column.name for column in columns if column.numeric]
+    return table(title, [column.name for column in columns], told.table.rows[:most], numeric=numeric)
 
 
 def show_findings(

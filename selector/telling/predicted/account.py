@@ -68,6 +68,11 @@ def prediction_account(
         sentences = (day_sentence(prediction, prediction.observed), *sentences)
     if cyclogram is None and prediction.heldout_um is None:
         verdict = "plain"
+    course, seen = Captioned("Predicted displacement", _course_table(prediction)), prediction.observed
+    day = None if seen is None else Captioned("By the readings of the day", _day_table(prediction, seen))
+    lacks = None if prediction.repeats or not cyclogram else Paragraph("No test can be repeated by this method.")
+    errors = Captioned("Errors", _accuracy_table(prediction), on_screen=False)
+    drift = captioned("", origin.drift_table(described), on_screen=False)
     return Account(
         title=": ".join(filter(None, ["Duty cycle", str(provenance.get("machine") or "")])),
         about=f"{prediction.method} method" + ("" if cyclogram else " · made from the result alone"),
@@ -79,36 +84,16 @@ def prediction_account(
             if cyclogram
             else section("left-out", "What this page leaves out", Paragraph(_LEFT_OUT), link="Left out"),
             warnings_section(prediction.findings),
-            section(
-                "cycle",
-                "The duty cycle",
-                *drawings.get("cycle", ()),
-                Captioned("Predicted displacement", _course_table(prediction)),
-                None
-                if prediction.observed is None
-                else Captioned("By the readings of the day", _day_table(prediction, prediction.observed)),
-                link="Duty cycle",
-            ),
+            section("cycle", "The duty cycle", *drawings.get("cycle", ()), course, day, link="Duty cycle"),
             section("program", "The correction program", *_program(prediction), link="Program"),
-            section(
-                "tests",
-                "Why: what the tests say",
-                *drawings.get("tests", ()),
-                None if prediction.repeats or not cyclogram else Paragraph("No test can be repeated by this method."),
-                Captioned("Errors", _accuracy_table(prediction), on_screen=False),
-                link="Tests",
-            ),
+            section("tests", "Why: what the tests say", *drawings.get("tests", ()), lacks, errors, link="Tests"),
             section("modes", "The thermal modes", captioned("", _modes_table(prediction)), link="Modes"),
-            section(
-                "drift",
-                "Drift of the tests after ISO 230-3",
-                captioned("", origin.drift_table(described), on_screen=False),
-                link="Drift",
-            ),
+            section("drift", "Drift of the tests after ISO 230-3", drift, link="Drift"),
             findings_section(prediction.findings),
             section("origin", "Origin", *origin.origin_parts(described, provenance)),
         ),
         data=prediction.as_dict(),
+        brief=("program",) if prediction.programs else None,
         footer="The same tests and options give the same bytes.",
     )
 
@@ -327,22 +312,15 @@ def _program(prediction: Prediction) -> list[Block]:
 
 def _program_table(prediction: Prediction) -> Table:
     rows = [
-        (
-            name,
-            str(number),
-            f"{_down(time_s):.1f}",
-            f"{_down(time_s - operation.start_s):.1f}",
-            f"{_down(time_s + held_s) - _down(time_s):.1f}",
-            "new zero" if k == 0 else float(step_um),
-            float(offset_um),
-            f"{offset_um / 1000:.4f}".replace("-", "−"),
-        )
+        (name, str(number), f"{_down(time_s):.1f}", f"{_down(time_s - operation.start_s):.1f}",
+         f"{_down(time_s + held_s) - _down(time_s):.1f}", "new zero" if k == 0 else float(step_um),
+         float(offset_um), f"{offset_um / 1000:.4f}".replace("-", "−"))
         for name, program in prediction.programs.items()
         for number, operation in enumerate(program.operations, start=1)
         for k, (time_s, held_s, step_um, offset_um) in enumerate(
             zip(operation.times_s, operation.durations_s, operation.corrections_um, operation.offsets_um, strict=True)
         )
-    ]
+    ]  # fmt: skip
     headings = [
         "response", ">operation", ">at [min]", ">after the zero [min]", ">holds for [min]", ">step [µm]",
         ">offset [µm]", ">offset [mm]",

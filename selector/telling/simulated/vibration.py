@@ -82,38 +82,24 @@ def vibration_account(result: SimulationResult, drawn: bool) -> Account:
     """What is told of a simulated vibration: what the part keeps, where it comes from, where chains go wrong."""
     model, summary = result.simulated.model, result.summary
     drawings = _drawings(result) if drawn else {}
+    kinds = captioned("Height by kind", kinds_table(tuple(summary.heights.values())))
+    errors = captioned("Periodic errors, highest first", errors_table(summary.errors))
+    lines = captioned("Lines of the sources, largest first", lines_table(summary.lines))
+    modes = captioned("Modes of the coupled structure", modes_table(summary.modes))
+    chains = captioned("Chains against the coupled structure", chains_table(summary.accuracy))
     return simulation_account(
         result,
         list(_sentences(result)),
         (
             section(
-                "errors",
-                "What the part keeps",
-                *drawings.get("errors", ()),
-                captioned("Height by kind", kinds_table(tuple(summary.heights.values()))),
-                captioned("Periodic errors, highest first", errors_table(summary.errors)),
-                link="Periodic errors",
+                "errors", "What the part keeps", *drawings.get("errors", ()), kinds, errors, link="Periodic errors"
             ),
             section("stability", "Where it chatters", *drawings.get("stability", ()), link="Chatter"),
-            section(
-                "lines",
-                "Where it comes from",
-                captioned("Lines of the sources, largest first", lines_table(summary.lines)),
-                link="Lines",
-            ),
-            section(
-                "structure",
-                "Structure and modes",
-                captioned("Modes of the coupled structure", modes_table(summary.modes)),
-            ),
+            section("lines", "Where it comes from", lines, link="Lines"),
+            section("structure", "Structure and modes", modes),
             section("response", "Response", *drawings.get("response", ())),
             section("course", "Over time", *drawings.get("course", ())),
-            section(
-                "chains",
-                "Where the chains are off",
-                captioned("Chains against the coupled structure", chains_table(summary.accuracy)),
-                link="Chains",
-            ),
+            section("chains", "Where the chains are off", chains, link="Chains"),
         ),
         drawings=drawings,
         facts={"method": model.file.run.method, "speeds of lines and errors [r/min]": dict(summary.shaft_rpm)},
@@ -305,18 +291,10 @@ def errors_table(errors: Sequence[PeriodicError]) -> Table:
     """Every periodic error, the highest first."""
     ranked = sorted(errors, key=lambda one: -one.kinematic_um)
     rows = [
-        (
-            one.kind,
-            ", ".join(one.sources),
-            f"{one.frequency_hz:.5g}",
-            one.wavelength_mm,
-            one.direction,
-            f"{one.waves_per_revolution:.4g}",
-            one.kinematic_um,
-            one.published_um,
-        )
+        (one.kind, ", ".join(one.sources), f"{one.frequency_hz:.5g}", one.wavelength_mm, one.direction,
+         f"{one.waves_per_revolution:.4g}", one.kinematic_um, one.published_um)
         for one in ranked[:MOST_ROWS]
-    ]
+    ]  # fmt: skip
     more = f"{len(errors) - MOST_ROWS} more are in the JSON. " if len(errors) > MOST_ROWS else ""
     note = f"{more}W: by the law of the cutting force, tool and workpiece added up."
     heads = ["kind", "source", ">Hz", ">wavelength [mm]", "along", ">waves per turn"]
@@ -327,15 +305,10 @@ def lines_table(lines: Sequence[LineSummary]) -> Table:
     """Every line with its amplitudes, the largest first."""
     ranked = sorted(lines, key=lambda one: -one.motion_um[RELATIVE])
     rows = [
-        (
-            one.source,
-            f"{one.frequency_hz:.5g}",
-            None if one.order is None else f"{one.order:.4g} × {one.shaft}",
-            one.force_n,
-            *(one.coupled_um[final] for final in _MOTIONS),
-        )
+        (one.source, f"{one.frequency_hz:.5g}", None if one.order is None else f"{one.order:.4g} × {one.shaft}",
+         one.force_n, *(one.coupled_um[final] for final in _MOTIONS))
         for one in ranked[:MOST_ROWS]
-    ]
+    ]  # fmt: skip
     more = f"{len(lines) - MOST_ROWS} more are in the JSON. " if len(lines) > MOST_ROWS else ""
     heads = ["source", ">Hz", "order", ">N", *(f">{name}" for name in _MOTIONS.values())]
     return table(heads, rows, f"{more}Amplitudes in µm.")
