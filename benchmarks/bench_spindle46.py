@@ -65,7 +65,7 @@ def predicted(before: pd.DataFrame, after: pd.DataFrame, responses: tuple[str, .
     claimed = np.sqrt((errors**2).mean(axis=0))
     hours = ", ".join(f"{tau / 3600:.2f}" for tau in model.fit.tau_s)
     print(f"\n{model.fit.spec.n_modes} modes ({hours} h), {model.fit.spec.law_kind}")
-    print(f"claims known to a factor of {model.claim_factor:.2g}")
+    print(f"errors are at most {model.claim_factor:.2g} times what is claimed, 19 times in 20")
     print("| response | moves, rms [µm] | left | claimed | true ÷ claimed | tests left out |")
     print("|---|---:|---:|---:|---:|---:|")
     heldout = model.heldout_um

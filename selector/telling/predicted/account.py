@@ -45,12 +45,9 @@ MOMENTS, MOST_CHANGES = 9, 12  #: Moments at which the displacement is told, and
 
 
 def prediction_account(
-    prediction: Prediction,
-    description: Mapping[str, Any] | None = None,
-    provenance: Mapping[str, Any] | None = None,
-    *,
-    drawn: bool = False,
-) -> Account:
+    prediction: Prediction, description: Mapping[str, Any] | None = None,
+    provenance: Mapping[str, Any] | None = None, *, drawn: bool = False,
+) -> Account:  # fmt: skip
     """All that is told of a prediction.
 
     A prediction that was read from its JSON has no duty cycle; what it lacks is left out, and told. `description` says
@@ -385,9 +382,9 @@ def _accuracy_table(prediction: Prediction) -> Table:
 
 
 def _known(prediction: Prediction) -> str:
-    """Within what factor the claimed error is known."""
+    """How large an error may be beside its claim."""
     factor = prediction.claim_factor
-    return "" if factor is None else f", known to a factor of {number_text(factor, 2)} (19 times in 20)"
+    return "" if factor is None else f", and at most {factor:.2g} times that in 19 cases of 20"
 
 
 def _modes_table(prediction: Prediction) -> Table:

@@ -12,7 +12,8 @@ from selector.physics.thermal.modes import driven_model as fits
 from selector.physics.thermal.modes.choice import choose_modes
 from selector.physics.thermal.modes.cyclogram import AmbientCourse
 from selector.physics.thermal.modes.driven import _evidence, _whitened_loop
-from selector.physics.thermal.modes.driven_model import claim_factor, driven_model
+from selector.physics.thermal.modes.driven_model import driven_model
+from selector.physics.thermal.modes.left_out_tests import few_factor
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.prediction import predict
 from tests.physics.thermal.driven_machines import (
@@ -265,8 +266,8 @@ def test_runs_with_zeros_of_their_own_are_as_one_zero():
     np.testing.assert_allclose(there, here, atol=1e-9)  # roundings
 
 
-def test_what_left_out_tests_were_off_counts_once():
-    """Half-way, by ratio, between it and what the fit expects of itself: it is in one of the two alone."""
+def test_a_claim_is_nearer_to_the_larger_of_what_tests_were_off_and_what_the_fit_expects():
+    """Two thirds of the way, by ratio; of few tests, whose errors say little, so much more."""
     rng = np.random.default_rng(4)
     machine = modal_machine([600.0, 4000.0], [[25.0, -8.0, 4.0], [35.0, 25.0, 8.0]], [1.2, 1.3])
     tests = recorded(machine, rng, 0.2, 60.0, heat_and_cool((800.0, 1250.0, 2000.0)))
@@ -279,7 +280,13 @@ def test_what_left_out_tests_were_off_counts_once():
         unseen = replace(model.unseen, error_um=times * model.unseen.error_um)
         return replace(model, unseen=unseen).error_um(cycle, time, None, follows=False)
 
-    np.testing.assert_allclose(claimed(400.0), 20.0 * claimed(1.0), rtol=1e-12)  # exact but for rounding
+    # exact but for rounding; the powers are those of two thirds and of one third
+    np.testing.assert_allclose(claimed(8e6), 400.0 * claimed(1e3), rtol=1e-12)
+    np.testing.assert_allclose(claimed(1e-3), 20.0 * claimed(1e-3 / 8e3), rtol=1e-12)
+    few = replace(model, unseen=replace(model.unseen, error_um=np.where(np.arange(3) == 1, 1.0, np.nan)[:, None]))
+    once = replace(model, unseen=replace(model.unseen, error_um=np.ones((3, 1))))
+    raised, usual = (one.error_um(cycle, time, None, follows=False) for one in (few, once))
+    np.testing.assert_allclose(raised, few_factor(1) / few_factor(3) * usual, rtol=1e-12)
 
 
 def separate_tests(rng, *, warm):
@@ -336,7 +343,7 @@ def test_separate_tests_in_a_hall_claim_an_error_that_is_borne_out():
     prediction = predict(tests, PAIR, CYCLE, hall=hall)
     # the fastest is not left out: nobody asks beyond it
     assert set(prediction.left_out_um) == {"r0", "r2", "r3"}
-    assert prediction.claim_factor == pytest.approx(claim_factor(3))
+    assert prediction.claim_factor == 2.0
     # what the error may be is a reason to record more only where it decides about a tolerance
     assert "few-tests" not in ids(prediction)
     between = float(np.sqrt(prediction.claim_factor) * prediction.claimed_um[0])

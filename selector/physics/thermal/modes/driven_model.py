@@ -21,6 +21,7 @@ from selector.physics.thermal.modes.driven import (
     tau_intervals,
     worth,
 )
+from selector.physics.thermal.modes.left_out_tests import AT_MOST, few_factor
 from selector.physics.thermal.modes.modes import SpeedLaw, require_tested
 from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data, since_first
 from selector.types import Vector
@@ -29,17 +30,11 @@ Entry = tuple[Vector, Vector]  #: The states (n_modes, n_inputs), and what is le
 LEAST_HALL_K = 0.1  #: A hall that moves by less drives nothing that could be seen.
 #: Logarithms of likelihoods count as so much less: rows of a model that is not quite right are not independent.
 TEMPERED = 20.0
-#: Standard deviation of the logarithm of true ÷ claimed error by a single test, and by however many: laws that no fit
-#: has do not average out (`benchmarks/bench_claims.py`).
-SPREAD_OF_CLAIMS, LEAST_SPREAD = 1.14, 0.7
+#: Way, by ratio, to the larger of two errors; ratio from which a claim is loose; left-out tests that say how much.
+TO_LARGER, LOOSE, ENOUGH = 2.0 / 3.0, 1.8, 3
 COURSE_POINTS = 200
 #: What a start moves in its run, in standard deviations and as a share of the movement, from where on it began warm.
 WARM, WARM_SHARE = 2.5, 0.05
-
-
-def claim_factor(judged: int) -> float:
-    """Within what factor an error is known that so many tests had that were left out, 19 times in 20."""
-    return float(np.exp(1.96 * max(SPREAD_OF_CLAIMS / np.sqrt(max(judged, 1)), LEAST_SPREAD)))
 
 
 @dataclass(frozen=True)
@@ -206,19 +201,29 @@ class DrivenModel:
         likely as a test began warm: how far that course is from this one is part of the error.
 
         What the record leaves open of coefficients, walk and ripple, times how much more left-out tests were off; and
-        how far other fits are from this course. Of separate tests it is over the duty cycle half-way, by ratio, between
-        what is left open, as the fit has it, and what left-out tests were off.
+        how far other fits are from this course. Of separate tests it is over the duty cycle two thirds of the way, by
+        ratio, to the larger of what is left open, as the fit has it, and what left-out tests were off; of few, more.
         """
         expected = self._expected_um(cyclogram, np.asarray(time_s, dtype=np.float64), hall, follows=follows)
         if not self.is_separate or self.heldout_um is None:
             return expected
-        whole = self._expected_um(cyclogram, np.linspace(0.0, cyclogram.end_s, COURSE_POINTS), hall, follows=follows)
-        squares = expected**2 * self.heldout_um / np.sqrt((whole**2).mean(axis=0))
+        times = self.times_expected(cyclogram, hall, follows=follows)
+        # no test began as the duty cycle does: the larger
+        way = 1.0 if self.begins_warm.all() and not follows else TO_LARGER
+        times = np.maximum(times**way, times ** (1.0 - way))
+        squares = (expected * times * few_factor(self.judged) / AT_MOST) ** 2
         if not told:
             # in a hall that stays: its step from the day of the tests to that of the duty cycle is no warm start
             here, there = (self.displacement_um(cyclogram, time_s, None, follows=one) for one in (follows, not follows))
             squares = squares + self.begins_warm.mean() * (there - here) ** 2
         return np.asarray(np.sqrt(squares))
+
+    def times_expected(self, cyclogram: Cyclogram, hall: AmbientCourse | None, *, follows: bool) -> Vector:
+        """(n_responses,): What left-out tests were off ÷ what the fit expects of itself in a duty cycle, or NaN."""
+        time_s = np.linspace(0.0, cyclogram.end_s, COURSE_POINTS)
+        expected = self._expected_um(cyclogram, time_s, hall, follows=follows)
+        off = np.nan if self.heldout_um is None else self.heldout_um
+        return np.asarray(off / np.sqrt((expected**2).mean(axis=0)))
 
     def _expected_um(
         self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool
@@ -242,8 +247,8 @@ class DrivenModel:
 
     @property
     def claim_factor(self) -> float:
-        """Within what factor the claimed error is known, 19 times in 20."""
-        return claim_factor(self.judged)
+        """How many times the claimed error it is at most, 19 times in 20."""
+        return AT_MOST if self.is_separate else few_factor(self.judged)
 
     def course_of(self, part: Part, time_s: Vector) -> Vector:
         """What the modes make of a test [µm] at times [s] of its run, (n_times, n_responses); its zero is unknown."""

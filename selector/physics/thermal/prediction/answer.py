@@ -8,6 +8,7 @@ import numpy as np
 
 from selector.findings import Finding
 from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
+from selector.physics.thermal.modes.left_out_tests import AT_MOST
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.tests_judged import RepeatedTest
 from selector.types import Vector
@@ -63,5 +64,6 @@ class Answer:
     error_um: Callable[[Vector], Vector] | None = None
     left_out_um: Mapping[str, Vector] = field(default_factory=dict)
     judged: int = 0  #: Tests that were left out as a whole and predicted by the others
+    claim_factor: float = AT_MOST  #: How many times the claimed error it is at most, 19 times in 20
     start: Start = "cold"
     ambients: tuple[str, ...] = ()  #: Temperatures around the machine that drive it

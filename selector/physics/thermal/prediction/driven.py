@@ -8,7 +8,7 @@ from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS
 from selector.physics.thermal.modes.choice import loose_findings, start_finding
 from selector.physics.thermal.modes.cyclogram import AmbientCourse
-from selector.physics.thermal.modes.driven_model import DrivenModel
+from selector.physics.thermal.modes.driven_model import ENOUGH, LOOSE, DrivenModel
 from selector.physics.thermal.prediction.answer import Answer, Asked, Start, modes_of
 from selector.physics.thermal.prediction.tests_judged import RepeatedTest, fitted_um, longer_than_tests, samples
 from selector.types import Vector
@@ -38,6 +38,7 @@ def driven_answer(model: DrivenModel, ask: Asked) -> Answer:
             name: errors for name, errors in zip(names, model.unseen.error_um, strict=True) if np.isfinite(errors).any()
         },
         judged=model.judged,
+        claim_factor=model.claim_factor,
         start=start,
         ambients=model.ambients,
     )
@@ -121,6 +122,18 @@ def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start:
         )
         return
     yield from gain_findings(ask, _rms(course), _rms(claims), model.claim_factor)
+    times = model.times_expected(cycle, hall, follows=start == "tests")
+    few = model.judged < ENOUGH
+    if model.is_separate and (few or np.exp(np.sqrt(np.mean(np.log(times) ** 2))) > LOOSE):
+        yield FINDINGS.finding(
+            "claim-loose",
+            f"How far below its claim the error lies cannot be told, down to a fifth was seen: {model.judged} "
+            f"test{'s' * (model.judged > 1)} left out and predicted by the others were off "
+            + ask.listed(model.heldout_um)
+            + ", where the fit expects of itself " + ask.listed(model.heldout_um / times) + " in this duty cycle.",
+            evidence={"left_out_um": model.heldout_um.tolist(), "times_expected": times.tolist()},
+            level="warning" if few else "info",
+        )  # fmt: skip
 
 
 def gain_findings(ask: Asked, moves: Vector, claims: Vector, factor: float) -> Iterator[Finding]:
@@ -162,16 +175,12 @@ def _of_hall(model: DrivenModel, ask: Asked, hall: AmbientCourse | None) -> Iter
             f"{name} moved during the tests and moves the displacements, in the end by "
             + ask.listed(here)
             + " for every kelvin"
-            + (
-                ". The duty cycle says how it moves."
-                if known
-                else ". The duty cycle does not say how it moves: it was taken to stay as it is at the beginning."
-            ),
-            Where(channel=name),
-            {"um_per_k": here.tolist()},
+            + (". The duty cycle says how it moves." if known else ". The duty cycle does not say how it moves: it was "
+               "taken to stay as it is at the beginning."),
+            Where(channel=name), {"um_per_k": here.tolist()},
             "" if known else f"add a column {name} with the temperature that is foreseen to the duty cycle",
             level="info" if known else "warning",
-        )
+        )  # fmt: skip
 
 
 def _rms(values: Vector) -> Vector:

@@ -11,8 +11,7 @@ from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS, ONE_TESTED_SPEED
 from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram, cyclogram_kind
-from selector.physics.thermal.modes.driven_model import claim_factor
-from selector.physics.thermal.modes.left_out_tests import LeftOutTests
+from selector.physics.thermal.modes.left_out_tests import AT_MOST, LeftOutTests
 from selector.physics.thermal.modes.modes import ModalModel
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.answer import Answer, Asked, Mode, Start, modes_of
@@ -81,7 +80,7 @@ class Prediction:
     warm_up: BestWarmUp | None = None  #: The warm-up that leaves the fewest corrections, if it was asked for
     order: BestOrder | None = None  #: The order of operations that needs the fewest corrections, if it was asked for
     observed: Observed | None = None  #: What readings of the day make of it, if there were some
-    #: Within what factor the claimed error is known, 19 times in 20; None where no whole test was left out
+    #: How many times the claimed error it is at most, 19 times in 20; None where no whole test was left out
     claim_factor: float | None = None
 
     def unit(self, response: str) -> str:
@@ -149,18 +148,15 @@ def cyclogram_of_rows(
     end = max(last, wanted)
     if end > LONGEST_S:
         raise InputError(
-            f"a duty cycle of {end / 86_400:.3g} days",
-            expected=f"at most {LONGEST_S / 86_400:g} days",
-            where="duty cycle",
-            advice="check the unit of the times, and that the operations are in minutes",
-        )
+            f"a duty cycle of {end / 86_400:.3g} days", expected=f"at most {LONGEST_S / 86_400:g} days",
+            where="duty cycle", advice="check the unit of the times, and that the operations are in minutes",
+        )  # fmt: skip
     if len(time) == 1 and end <= last:
         raise InputError(
-            "one row and no operations, so no end",
+            "one row and no operations, so no end", where="duty cycle",
             expected="a last row with the time at which the duty cycle ends, or --operations",
-            where="duty cycle",
             advice="add a row with the end, e.g. 3600,0, or say how long the operations are",
-        )
+        )  # fmt: skip
     if end > last * (1.0 + 1e-12):
         held = FINDINGS.finding(
             "last-speed-held",
@@ -183,22 +179,12 @@ def cyclogram_of_rows(
 
 
 def predict(
-    tests: Sequence[ThermalTest],
-    responses: Sequence[str],
-    cyclogram: Cyclogram,
-    *,
-    method: Method = "modal",
-    hall: AmbientCourse | None = None,
-    start: Start | None = None,
-    operations_s: Sequence[float] | None = None,
-    tolerance_um: Tolerance | None = None,
-    resolution_s: float | None = None,
-    find_order: bool = False,
-    warm_up_s: float = 0.0,
-    temperatures: Sequence[str] = (),
-    readings: DayReadings | None = None,
-    told: Sequence[Finding] = (),
-) -> Prediction:
+    tests: Sequence[ThermalTest], responses: Sequence[str], cyclogram: Cyclogram, *,
+    method: Method = "modal", hall: AmbientCourse | None = None, start: Start | None = None,
+    operations_s: Sequence[float] | None = None, tolerance_um: Tolerance | None = None,
+    resolution_s: float | None = None, find_order: bool = False, warm_up_s: float = 0.0,
+    temperatures: Sequence[str] = (), readings: DayReadings | None = None, told: Sequence[Finding] = (),
+) -> Prediction:  # fmt: skip
     """Predict the displacement in a duty cycle from heating and cooling tests, and how to correct it.
 
     `hall` are temperatures around the machine during the duty cycle, named as in the tests. It begins cold or where the
@@ -230,7 +216,7 @@ def predict(
     time = _times(partial(answer.course, cyclogram), cyclogram, operations_s)
     displacement = answer.course(cyclogram, time)
     claims = answer.heldout_um if answer.error_um is None else _rms(answer.error_um(time), time)
-    factor = claim_factor(answer.judged) if answer.judged else None
+    factor = answer.claim_factor if answer.judged else None
     programs: dict[str, CorrectionProgram] = {}
     order: BestOrder | None = None
     warm_up: BestWarmUp | None = None
@@ -260,26 +246,10 @@ def predict(
     seen = None if readings is None else _observed(ask, answer, readings)
     findings += () if seen is None else _of_day(seen)
     return Prediction(
-        tuple(responses),
-        method,
-        cyclogram,
-        time,
-        displacement,
-        answer.modes,
-        programs,
-        answer.residual_um,
-        answer.heldout_um,
-        (*told, *findings),
-        answer.repeats,
-        claims,
-        answer.left_out_um,
-        answer.start,
-        tuple(temperatures),
-        warm_up,
-        order,
-        seen,
-        factor,
-    )
+        tuple(responses), method, cyclogram, time, displacement, answer.modes, programs, answer.residual_um,
+        answer.heldout_um, (*told, *findings), answer.repeats, claims, answer.left_out_um, answer.start,
+        tuple(temperatures), warm_up, order, seen, factor,
+    )  # fmt: skip
 
 
 def _modal(ask: Asked) -> Answer:
@@ -304,7 +274,7 @@ def _modal(ask: Asked) -> Answer:
     if left_out is not None:
         time = np.linspace(0.0, cycle.end_s, 200)
         moves = _rms(fit.model.displacement_um(cycle, time), time)
-        findings += gain_findings(ask, moves, left_out.claimed_um(moves), claim_factor(len(left_out.runs)))
+        findings += gain_findings(ask, moves, left_out.claimed_um(moves), AT_MOST)
     return Answer(
         course=fit.model.displacement_um,
         findings=tuple(findings),
@@ -423,11 +393,10 @@ def _usable(tests: Sequence[ThermalTest], responses: Sequence[str]) -> tuple[lis
         )  # fmt: skip
     if not usable:
         raise InputError(
-            "no run with readings of " + " and ".join(responses),
+            "no run with readings of " + " and ".join(responses), where="the tests",
             expected=f"at least {_FEWEST_READINGS} readings of every displacement in a run",
-            where="the tests",
             advice="record heating and cooling for some hours, at least one reading a minute",
-        )
+        )  # fmt: skip
     return usable, findings
 
 
@@ -456,13 +425,9 @@ def _times(course: Callable[[Vector], Vector], cyclogram: Cyclogram, operations_
 
 
 def _of_program(
-    cyclogram: Cyclogram,
-    operations_s: Sequence[float] | None,
-    usual: Sequence[str],
-    programs: Mapping[str, CorrectionProgram],
-    responses: Sequence[str],
-    claims: Vector | None,
-) -> Iterator[Finding]:
+    cyclogram: Cyclogram, operations_s: Sequence[float] | None, usual: Sequence[str],
+    programs: Mapping[str, CorrectionProgram], responses: Sequence[str], claims: Vector | None,
+) -> Iterator[Finding]:  # fmt: skip
     if usual:
         yield FINDINGS.finding(
             "usual-tolerance",
@@ -511,8 +476,8 @@ def _few_tests(
             yield FINDINGS.finding(
                 "few-tests",
                 f"{name}: an error of {claimed:.2g} µm is claimed, within the tolerance of {program.tolerance_um:.3g} "
-                f"µm. {judged} test{'s' * (judged > 1)} left out and predicted by the others tell it to a factor of "
-                f"{factor:.2g}: it may be up to {claimed * factor:.2g} µm (root mean square, 19 times in 20).",
+                f"µm. By {judged} test{'s' * (judged > 1)} left out and predicted by the others it may be up to "
+                f"{claimed * factor:.2g} µm (root mean square, 19 times in 20).",
                 Where(channel=name),
                 {"tests": judged, "factor": factor, "claimed_um": claimed, "tolerance_um": program.tolerance_um},
             )

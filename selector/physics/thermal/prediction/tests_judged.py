@@ -10,6 +10,7 @@ from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS
 from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.left_out_tests import runs_by_level
 from selector.physics.thermal.modes.modes import ModalModel
 from selector.physics.thermal.modes.thermal_test import SAME_SPEED, ModeData, ThermalTest, mode_data
 from selector.physics.thermal.prediction.characteristics import Characteristics
@@ -48,13 +49,11 @@ def modal_repeats(
     data = mode_data(tests)
     cyclograms = [data.cyclogram(run) for run in range(len(tests))]
     taken = [samples(test) for test in tests]
-    plain = [
-        model.displacement_um(cyclogram.within(model.fastest_rpm), time)
-        for cyclogram, (time, _) in zip(cyclograms, taken, strict=True)
-    ]
+    within = [cyclogram.within(model.fastest_rpm) for cyclogram in cyclograms]
+    plain = [model.displacement_um(cyclogram, time) for cyclogram, (time, _) in zip(within, taken, strict=True)]
     columns = []
-    for test, cyclogram, (time, _) in zip(tests, cyclograms, taken, strict=True):
-        fading = [_fading(model, cyclogram.within(model.fastest_rpm), time)] if test.run in warm else []
+    for test, cyclogram, (time, _) in zip(tests, within, taken, strict=True):
+        fading = [_fading(model, cyclogram, time)] if test.run in warm else []
         columns.append(np.hstack([np.ones((len(time), 1)), *fading]))
     fitted = [fitted_um(m - p, own) for (_, m), p, own in zip(taken, plain, columns, strict=True)]
     return tuple(
@@ -156,10 +155,9 @@ def movement_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) ->
         if largest < LEAST_UM:
             raise InputError(
                 f"{name} does not move in the tests (by {largest:.2g} µm at most)",
-                expected="a displacement that follows the heating and cooling of the machine",
-                where="the tests",
+                where="the tests", expected="a displacement that follows the heating and cooling of the machine",
                 advice=f"check the gauge of {name} and its unit, or predict other displacements only",
-            )
+            )  # fmt: skip
         moved, free = np.sum([_slow_part(course) for course in courses], axis=0)
         if moved <= float(chdtri(max(free, 1.0), 1.0 - CERTAIN)):
             noise = float(np.median([_noise_um(course) for course in courses]))
@@ -205,7 +203,15 @@ def speed_findings(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> Iterat
 
     Raises InputError if the tests cannot be used.
     """
-    levels = np.array(mode_data(tests).levels_rpm)
+    data = mode_data(tests)
+    levels = np.array(data.levels_rpm)
+    runs = runs_by_level(data)
+    if len(tests) > 1 and max(map(len, runs.values()), default=2) == 1:
+        yield FINDINGS.finding(
+            "no-speed-tested-twice",
+            "No speed was tested twice: how far one day is from another is not known, and in the claimed error only as "
+            "far as the tests happen to show it.",
+        )
     speeds = np.unique(cyclogram.speed_rpm[cyclogram.speed_rpm > 0])
     others = speeds[np.abs(speeds - levels[-1]) > SAME_SPEED * levels[-1]]
     if len(levels) == 1 and len(others):
