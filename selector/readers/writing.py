@@ -67,12 +67,9 @@ def convert(reading: Reading, out_dir: Path, format: str = "csv") -> list[Path]:
 
 
 def write_recording(
-    recording: Recording,
-    targets: Mapping[str, Path],
-    machine_path: Path,
-    machine_name: str | None = None,
+    recording: Recording, targets: Mapping[str, Path], machine_path: Path, machine_name: str | None = None,
     format: str = "csv",  # noqa: A002 - the contract's word
-) -> list[Path]:
+) -> list[Path]:  # fmt: skip
     """Write every run to its target and the machine file beside them, all or none; tables of these names go.
 
     Raises OptionError: another machine file stands there, or the folder cannot be written.

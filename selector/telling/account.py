@@ -240,10 +240,13 @@ def _of_several(findings: Sequence[Finding]) -> Remark:
 def named(names: Sequence[str], most: int = MOST_NAMED) -> str:
     """Names in a sentence, of many the first ones and how many more; long ones without their middle."""
     left = len(names) - most
-    shown = [
-        one if len(one) <= LONGEST else f"{one[: LONGEST // 2]}…{one[-LONGEST // 2 + 1 :]}" for one in names[:most]
-    ]
+    shown = [shortened(one, LONGEST) for one in names[:most]]
     return listed([*shown, f"{left} more"] if left > 0 else shown)
+
+
+def shortened(name: str, longest: int) -> str:
+    """A name of so many letters at most, without its middle."""
+    return name if len(name) <= longest else f"{name[: longest // 2]}…{name[(longest // 2) + 1 - longest :]}"
 
 
 def section(id_: str, title: str, *blocks: Block | None, link: str = "", on_paper: bool = True) -> Section | None:

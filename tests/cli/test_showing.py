@@ -183,3 +183,21 @@ def test_an_answer_of_many_tables_fits_a_screen_and_says_where_the_rest_is(width
     assert "more rows are in the page" in shown[False]
     assert shown[True].count("_29") == 5
     assert "--all" not in shown[True]
+
+
+def test_long_names_in_a_table_that_does_not_fit_are_shortened_in_the_middle():
+    names = [f"Spindelstock_Vorderes_Hauptlager_Aussenring_Messstelle_{k}_oben_links" for k in ("A1", "A2", "B1")]
+    inside = [f"a_very_long_beginning_{k}_and_an_end_that_is_as_long_as_that" for k in (1, 2, 3)]
+
+    def shown(cells, width):
+        stream = io.StringIO()
+        rows = [(cell, 1.0, "text") for cell in cells]
+        Console(file=stream, width=width).print(showing.table("", ["sensor", "µm", "text"], rows, numeric=["µm"]))
+        return [line.split()[0] for line in stream.getvalue().splitlines() if line.strip()][2:]
+
+    assert shown(names, 140) == names
+    narrow = shown(names, 60)
+    assert len(set(narrow)) == 3
+    assert all("…" in one for one in narrow)
+    # cut, these would be one: they are broken instead
+    assert "…" not in "".join(shown(inside, 40))

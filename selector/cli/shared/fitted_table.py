@@ -4,9 +4,13 @@ from rich import box
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.table import Column, Table
+from rich.text import Text
+
+from selector.telling.account import shortened
 
 #: Widths down to which words of a text column, and of the heading of numbers, are broken before numbers are.
 _LEAST_TEXT, _LEAST_HEADING = 12, 6
+_LONGEST = (32, 24, 16, 12, 9)  #: Letters to which words are shortened, the first that let a table fit.
 
 
 class FittedTable(Table):
@@ -19,7 +23,11 @@ class FittedTable(Table):
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """As `Table`, once the widths are settled: what a column needs, then words that stay whole, then the widest."""
-        needs, gaps = sum(map(_narrowest, self.columns)) + 2, len(self.columns) - 1
+        gaps = len(self.columns) - 1
+        for longest in _LONGEST:
+            if sum(map(_narrowest, self.columns)) + 2 + gaps > options.max_width:
+                _shorten([column for column in self.columns if column.justify != "right"], longest)
+        needs = sum(map(_narrowest, self.columns)) + 2
         # three blanks between two columns, or fewer before a word is broken; one at either edge
         blanks = next((some for some in (3, 2) if needs + some * gaps <= options.max_width), 1)
         self.padding = (0, blanks - blanks // 2 - 1, 0, blanks // 2)
@@ -42,6 +50,15 @@ class FittedTable(Table):
         for column, width in zip(self.columns, widths, strict=True):
             column.width = width if fits else None
         return super().__rich_console__(console, options)
+
+
+def _shorten(columns: list[Column], longest: int) -> None:
+    """Words of texts without their middle, where cells that differ still do."""
+    for column in columns:
+        cells = [str(cell) for cell in column.cells]
+        short = [" ".join(shortened(word, longest) for word in cell.split(" ")) for cell in cells]
+        if len(set(short)) == len(set(cells)):
+            column._cells = [Text(cell) for cell in short]
 
 
 def _least(column: Column) -> int:

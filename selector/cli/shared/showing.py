@@ -65,12 +65,9 @@ def screen(as_json: bool = False) -> Console:
 
 
 def table(
-    title: str,
-    columns: Iterable[str],
-    rows: Iterable[Iterable[object]],
-    numeric: Iterable[str] = (),
+    title: str, columns: Iterable[str], rows: Iterable[Iterable[object]], numeric: Iterable[str] = (),
     whole: Iterable[str] = (),
-) -> Table:
+) -> Table:  # fmt: skip
     """A table of plain text; columns in `numeric` are aligned to the right, those and `whole` ones are never broken."""
     from rich.text import Text
 
@@ -212,13 +209,9 @@ def _table_of(told: Captioned, title: str, most: int | None) -> Table:
 
 
 def show_findings(
-    console: Console,
-    findings: Iterable[Finding],
-    *,
-    everything: bool = False,
-    more: bool = False,
+    console: Console, findings: Iterable[Finding], *, everything: bool = False, more: bool = False,
     most: int = MOST_FINDINGS,
-) -> None:
+) -> None:  # fmt: skip
     """The worst findings, those of one kind as one, or everything; last where the rest is, if there is `more`."""
     from rich.text import Text
 
