@@ -6,8 +6,11 @@ it on the screen, and `data` is what the JSON says.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from selector.findings import Finding, Kind, known_kinds
@@ -170,6 +173,17 @@ class Account:
     #: Sections that the screen shows where not everything is asked for; default: all
     brief: tuple[str, ...] | None = None
     footer: str = ""
+
+
+@cache
+def _legends() -> dict[str, dict[str, str]]:
+    return tomllib.loads(Path(__file__).with_name("legends.toml").read_text(encoding="utf-8"))
+
+
+def legend(key: str) -> str:
+    """How a table or a drawing is read, as ``legends.toml`` has it, e.g. of ``"vibration.errors"``."""
+    room, name = key.split(".")
+    return _legends()[room][name]
 
 
 def table(

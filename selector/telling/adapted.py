@@ -15,6 +15,7 @@ from selector.telling.account import (
     Table,
     Verdict,
     findings_section,
+    legend,
     section,
     sections,
     table,
@@ -126,11 +127,7 @@ _HEADINGS = [">with touch-offs", ">largest", ">model alone", ">before", ">touch-
 
 def _overall_table(found: Adaptation) -> Table:
     rows = [(name, *_cells(of.overall)) for name, of in found.responses.items()]
-    note = (
-        "RMS errors [µm] at all samples, each with what was known before it. Each run is judged with what the "
-        "others taught. Before: without compensation."
-    )
-    return table(["all runs", *_HEADINGS], rows, note)
+    return table(["all runs", *_HEADINGS], rows, legend("adapted.errors"))
 
 
 def _runs_table(found: Adaptation) -> Table:

@@ -25,6 +25,7 @@ from selector.telling.account import (
     Paragraph,
     Section,
     Table,
+    legend,
     remarks_of,
     table,
 )
@@ -197,12 +198,6 @@ def verdict_of(replay: Replay) -> str:
     )
 
 
-BEFORE_AND_AFTER = (
-    "Without correction: displacement as recorded, from its start. With correction: what is left of it with the "
-    "correction that this program gave, limits, guard and start readings from single samples included."
-)
-
-
 def _beginnings(replay: Replay) -> list[str]:
     """How long nothing was corrected at the start of the runs; nothing where the control does not wait."""
     waited = [run.begins_s for run in replay.runs if run.begins_s > 0.0]
@@ -229,7 +224,7 @@ def replay_table(replay: Replay) -> Table:
         ["run", "output", ">samples", ">program − reference [µm]", ">without correction: rms [µm]",
          ">apply: rms [µm]", ">with correction: rms [µm]", ">with correction: largest [µm]", ">not the whole model"],
         rows,
-        " ".join([BEFORE_AND_AFTER, *_beginnings(replay)]),
+        " ".join([legend("commissioning.before-and-after"), *_beginnings(replay)]),
     )  # fmt: skip
 
 
@@ -243,8 +238,7 @@ def parts_table(replay: Replay) -> Table:
     return table(
         ["file", "output", ">largest difference [µm]", ">allowed [µm]", ">smaller guard [µm]", "executed by"],
         rows,
-        "Difference: to what the file has to give. Allowed: what its number type explains; more is a defect. Smaller "
-        "guard: from what this file has to give to what the whole guard gives, where the control has a smaller one.",
+        legend("commissioning.differences"),
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from selector.fleet import Answer, FleetAnswer, FleetWatch, Overview, SistersAnswer
 from selector.number_text import number_text
-from selector.telling.account import Account, Captioned, Items, Table, captioned, section, sections, table
+from selector.telling.account import Account, Captioned, Items, Table, captioned, legend, section, sections, table
 from selector.telling.numbers import NONE
 
 
@@ -90,17 +90,18 @@ def sisters_account(answer: SistersAnswer, *, title: str = "Fleet") -> Account:
             errors = (_error(one.errors[f"{way}_um"]) for way in ("none", "own", "pooled", "sisters"))
             rows.append((name, f"{one.errors['machines']:.0f}", *errors))
     head = (">machines", ">no correction [µm]", ">these runs alone [µm]", ">all as one [µm]", ">sisters [µm]")
-    note = (
-        "Root mean square error in the later runs of machines that were left out in turn, with as many known runs. "
-        "Alone: what `select` makes of these. All as one: one regression on the runs of all machines."
-    )
     others = table(("machine", "reason"), list(answer.left_out.items()))
     return Account(
         title=f"{title}: what its sisters tell of {answer.machine}",
         verdict="plain" if answer.verdict == "none" else "good",
         sentences=tuple(sentences),
         sections=sections(
-            section("errors", "Errors", Captioned("", table(("response", *head), rows, note)), link="Errors"),
+            section(
+                "errors",
+                "Errors",
+                Captioned("", table(("response", *head), rows, legend("fleet.sisters"))),
+                link="Errors",
+            ),
             section("left-out", "Machines that are no sisters", Captioned("", others), link="Left out"),
         ),
         data=answer.model_dump(by_alias=True),
@@ -136,11 +137,9 @@ def _watched(watch: FleetWatch) -> Table:
             errors = (_error(value) for value in (of.rmse_um, of.expected_um, of.mean_um))
             rows.append((name, _STATES[one.status], response, str(of.runs), *errors, judged, what))
     head = (">runs", ">RMS error [µm]", ">when it was made [µm]", ">mean error [µm]", ">sum")
-    note = (
-        "Root mean square error in the new runs beside that on unseen runs when the model was made; mean of recorded "
-        "minus predicted, since the change where there is one. Sum: cumulative deviation of the runs, and its limit."
+    return table(
+        ("machine", "status", "response", *head, "what has changed"), rows, legend("fleet.watched"), marked=marked
     )
-    return table(("machine", "status", "response", *head, "what has changed"), rows, note, marked=marked)
 
 
 def _readings(watch: FleetWatch) -> Captioned | None:
@@ -268,11 +267,9 @@ def _serving(beside: Overview | None) -> Captioned | None:
     """The places that serve all machines, as a list that may be cut anywhere."""
     serving = () if beside is None else beside.serving
     rows = [(str(k + 1), name, str(served)) for k, (name, served) in enumerate(serving)]
-    note = (
-        "With the places down to a row, so many machines have all sensors of a set that is about as good as their "
-        "best. Sensors of one name are taken for the same place. A greedy choice: few places, not surely the fewest."
+    return captioned(
+        "Places for all", table((">places", "sensor to add", ">machines served"), rows, legend("fleet.shared"))
     )
-    return captioned("Places for all", table((">places", "sensor to add", ">machines served"), rows, note))
 
 
 def _sensors(answer: FleetAnswer) -> Captioned | None:
@@ -282,8 +279,9 @@ def _sensors(answer: FleetAnswer) -> Captioned | None:
         (name, str(count), f"{100 * count / len(models):.0f} %")
         for name, count in sorted(counts.items(), key=lambda item: -item[1])
     ]
-    note = "Chosen on so many of the machines that have a model; sensors of one name are taken for the same place."
-    return captioned("How often each sensor is chosen", table(("sensor", ">machines", ">share"), rows, note))
+    return captioned(
+        "How often each sensor is chosen", table(("sensor", ">machines", ">share"), rows, legend("fleet.chosen"))
+    )
 
 
 def _error(error: float | None) -> str:

@@ -14,6 +14,7 @@ from selector.telling.account import (
     Note,
     Section,
     Table,
+    legend,
     remarks_of,
     table,
 )
@@ -198,11 +199,7 @@ def _coefficients(model: ModelFile) -> Table:
             rows.append((output.name, factors, _uncertain(term.coefficient, term.standard_error)))
         if output.position is not None:
             rows.append((output.name, f"slope over {output.position.axis} [µm/m]", output.position.intercept))
-    return table(
-        ["output", "term", ">coefficient ± standard error [µm]"],
-        rows,
-        "Of centred and scaled inputs, as the model file holds them; the formula is in readings and rises.",
-    )
+    return table(["output", "term", ">coefficient ± standard error [µm]"], rows, legend("card.coefficients"))
 
 
 def _validation(model: ModelFile) -> Table:

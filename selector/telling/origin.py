@@ -7,7 +7,7 @@ from typing import Any, Literal
 from selector import __version__
 from selector.number_text import number_text
 from selector.selection import Selection
-from selector.telling.account import Account, Captioned, Section, Table, named, table
+from selector.telling.account import Account, Captioned, Section, Table, legend, named, table
 from selector.telling.numbers import NONE, file_name, given_text, span_range, span_text
 
 _UNIT_TEXT = {"degC": "°C", "degF": "°F", "um": "µm", "kelvin": "K", "1": NONE}
@@ -115,16 +115,10 @@ def drift_table(description: Mapping[str, Any]) -> Table | None:
         rows.append((_cell(run["run"]), _MOVED[run["test"]], _span(run["duration_s"]), *cells))
     units = {str(one["name"]): one["unit"] for run in runs for one in run["drifts"]}
     headings = [f">{name} [{'µm/m' if units[name] == 'um/m' else 'µm'}]" for name in names]
-    return table(["run", "moved", ">test of", *headings], rows, _DRIFT_NOTE)
+    return table(["run", "moved", ">test of", *headings], rows, legend("origin.drift"))
 
 
 _MOVED = {"environment": "nothing (ETVE)", "spindle": "spindle", "axes": "axes", "unknown": NONE}
-_DRIFT_NOTE = (
-    "Largest minus smallest reading in the first 60 min / in the whole test, which begins with the first motion; a "
-    "dash for a shorter one. A, B, C: rotation about X, Y, Z from two probes of one axis at the places that the "
-    "machine file gives; where it gives none, X2−X1 [µm], the tilt times a distance that is not known. Ranges have no "
-    "sign; noise widens them. They are of the machine as recorded, without a model."
-)
 
 
 def _entries(value: Any) -> list[Mapping[str, Any]]:

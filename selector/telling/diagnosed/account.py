@@ -33,6 +33,7 @@ from selector.telling.account import (
     Table,
     captioned,
     findings_section,
+    legend,
     section,
     sections,
     table,
@@ -44,20 +45,6 @@ from selector.telling.origin import label_text
 MOST_PLACES = 60
 UNTESTED = "not testable here"
 _STATE_WITHOUT_UNIT = re.compile(r"(?<=\d) 1$")
-_LEFT_OUT = (
-    "The map of the mismatch, recorded and simulated courses, the evidence of every effect that was tested and what "
-    "this record would not have shown: diagnosis.json does not hold them. With the study.toml of the diagnosis beside "
-    "it, and its recordings unchanged, they are made again."
-)
-_ALSO = (
-    "More is left than noise, so that many shapes fit a part of it. These are too small beside it, or do not hold on "
-    "rows that were not fitted: no part of the answer, and nothing to put into the simulation."
-)
-_MAP = (
-    "Orange: more was recorded than simulated; blue: less; 1 is the rms that stands beside the response. In grey what "
-    "the machine did, from its lowest (light) to its highest value (dark)."
-)
-_BEFORE_AFTER = "The shaded part was held out: nothing was fitted to it, and the error in the title is that part's."
 Drawings = Mapping[str, Sequence[Block]]  #: Section of an account → its drawings; empty unless a page is made.
 
 
@@ -89,7 +76,10 @@ def diagnosis_account(
         (answer, *steps),
         sections(
             section(
-                "left-out", "What this page leaves out", Paragraph(_LEFT_OUT) if is_alone else None, link="Left out"
+                "left-out",
+                "What this page leaves out",
+                Paragraph(legend("diagnosed.left-out")) if is_alone else None,
+                link="Left out",
             ),
             warnings_section(found.findings),
             section("where", "Where", *drawings.get("where", ()), captioned("Windows", _places(found))),
@@ -144,8 +134,8 @@ def _drawings(found: Diagnosis) -> Drawings:
 
     courses = [before_after(found, name) for name in found.fit]
     return {
-        "where": [Drawing(mismatch_map(found), _MAP)] if found.fit else [],
-        "better": [Drawing(one, "" if k else _BEFORE_AFTER) for k, one in enumerate(courses)],
+        "where": [Drawing(mismatch_map(found), legend("diagnosed.map"))] if found.fit else [],
+        "better": [Drawing(one, "" if k else legend("diagnosed.before-after")) for k, one in enumerate(courses)],
     }
 
 
@@ -154,7 +144,9 @@ def _also_seen(found: Diagnosis) -> Section | None:
         [name_of(one.id), one.channel, share_text(one.share), sure_words(one.confidence), unit_words(one.statement)]
         for one in found.also_seen
     ]
-    told = table(["effect", "response", ">share of the mismatch", "how sure", "what it would be"], rows, _ALSO)
+    told = table(
+        ["effect", "response", ">share of the mismatch", "how sure", "what it would be"], rows, legend("diagnosed.also")
+    )
     return section("also-seen", "Also seen", captioned("", told))
 
 

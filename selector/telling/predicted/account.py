@@ -30,6 +30,7 @@ from selector.telling.account import (
     Verdict,
     captioned,
     findings_section,
+    legend,
     section,
     sections,
     table,
@@ -79,7 +80,9 @@ def prediction_account(
         sections=sections(
             None
             if cyclogram
-            else section("left-out", "What this page leaves out", Paragraph(_LEFT_OUT), link="Left out"),
+            else section(
+                "left-out", "What this page leaves out", Paragraph(legend("predicted.left-out")), link="Left out"
+            ),
             warnings_section(prediction.findings),
             section("cycle", "The duty cycle", *drawings.get("cycle", ()), course, day, link="Duty cycle"),
             section("program", "The correction program", *_program(prediction), link="Program"),
@@ -103,7 +106,7 @@ def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]
     """
     if not prediction.programs:
         moves = [_moves(prediction, prediction.responses.index(name)) for name in _told(prediction)]
-        return "good", (f"Expect {listed(moves)}.", _trust(prediction), _ASK)
+        return "good", (f"Expect {listed(moves)}.", _trust(prediction), legend("predicted.ask"))
     doubtful = [
         name
         for name in prediction.programs
@@ -115,15 +118,15 @@ def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]
     instructions = [_instruction(prediction, name) for name in useful]
     if not useful:
         first = f"Do not use this program: the prediction of {listed(doubtful)} is not good enough for {told} µm."
-        return "bad", (first, _trust(prediction), _SIGN)
+        return "bad", (first, _trust(prediction), legend("predicted.sign"))
     corrected = any(len(one.times_s) > 1 for name in useful for one in prediction.programs[name].operations)
     ends = f"; the drift then stays within {told} µm" if corrected else ""
     first = "; ".join(instructions) + ends + "."
     first = first[0].upper() + first[1:] if first.startswith("correct ") else first
     if doubtful:
         warning = f"Do not correct {listed(doubtful)}: the prediction is not good enough for {told} µm. "
-        return "bad", (warning + first, _trust(prediction), _SIGN)
-    return "good", (first, _trust(prediction), _SIGN)
+        return "bad", (warning + first, _trust(prediction), legend("predicted.sign"))
+    return "good", (first, _trust(prediction), legend("predicted.sign"))
 
 
 def warm_up_sentence(found: BestWarmUp) -> str:
@@ -282,29 +285,16 @@ def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-_ASK = (
-    "For a correction program, say how long the operations are and which drift is allowed: --operations, --tolerance."
-)
-_SIGN = (
-    "A correction is the displacement to be subtracted, counted as the gauge counted in the tests: verify the sign on "
-    "the machine before the first part. Each operation begins with a new zero. The times hold for this duty cycle; "
-    "after a stop, predict again."
-)
-_LEFT_OUT = (
-    "The spindle speed, the heating and cooling tests, how well they are repeated and what each mode contributes: "
-    "prediction.json does not hold them. `selector predict` makes the whole page."
-)
-
-
 def _program(prediction: Prediction) -> list[Block]:
     if not prediction.programs:
         return []
-    rules = (
-        "They name no control. An offset is counted from the zero of its operation and replaces the one before; a "
-        "click selects all of them."
-    )
     blocks = Listing(_blocks(prediction))
-    return [Captioned("", _program_table(prediction)), Heading("Timed offset blocks", 3), Paragraph(rules), blocks]
+    return [
+        Captioned("", _program_table(prediction)),
+        Heading("Timed offset blocks", 3),
+        Paragraph(legend("predicted.no-control")),
+        blocks,
+    ]
 
 
 def _program_table(prediction: Prediction) -> Table:
@@ -392,10 +382,9 @@ def _modes_table(prediction: Prediction) -> Table:
         (str(number), *(None if end is None else end / 60 for end in (mode.tau_s, mode.low, mode.high)))
         for number, mode in enumerate(prediction.modes, start=1)
     ]
-    note = (
-        "A dash: the tests set no bound there. After one time constant 63 % of a mode's way is done, after three 95 %."
+    return table(
+        [">mode", ">time constant [min]", ">low, 95 % [min]", ">high, 95 % [min]"], rows, legend("predicted.modes")
     )
-    return table([">mode", ">time constant [min]", ">low, 95 % [min]", ">high, 95 % [min]"], rows, note)
 
 
 def _drawings(prediction: Prediction) -> dict[str, list[Block]]:
@@ -404,7 +393,10 @@ def _drawings(prediction: Prediction) -> dict[str, list[Block]]:
 
     names = prediction.responses
     return {
-        "cycle": [Drawing(duty_cycle(prediction, name), "" if i else _COURSE) for i, name in enumerate(names)],
+        "cycle": [
+            Drawing(duty_cycle(prediction, name), "" if i else legend("predicted.course"))
+            for i, name in enumerate(names)
+        ],
         "tests": [_tests(prediction, name) for name in names] if prediction.repeats else [],
     }
 
@@ -417,18 +409,7 @@ def _tests(prediction: Prediction, response: str) -> Drawing:
     repeats = prediction.repeats
     ranked = sorted(range(len(repeats)), key=lambda k: -float(repeats[k].rmse_um[r]))[:MOST_TESTS]
     shown = tuple(repeats[k] for k in sorted(ranked))
-    text = _TESTS
+    text = legend("predicted.tests")
     if len(shown) < len(repeats):
         text += f" Of {len(repeats)} tests, the {len(shown)} that are repeated worst are drawn."
     return Drawing(prediction_of_tests(prediction, response, shown), text)
-
-
-_COURSE = (
-    "Top: the duty cycle. Middle: the predicted displacement; green: what the zeros of the operations and the "
-    "corrections take off. Bottom: what is left of it; the band is the tolerance."
-)
-_TESTS = (
-    "Each test is predicted as if it were a duty cycle, from rest and cold; the zero of the gauge is fitted, and where "
-    "a finding says so the part of the hall temperature and the state at the start. The residual is measured minus "
-    "predicted. All panels have the same scales."
-)

@@ -25,6 +25,7 @@ from selector.telling.account import (
     captioned,
     findings_section,
     grouped_remarks,
+    legend,
     next_steps,
     section,
     sections,
@@ -167,8 +168,7 @@ def sensors_table(selection: Selection) -> Table:
             )
             for k, name in enumerate(selection.sensors)
         ],
-        "Resamples: bootstrap over the runs; the share in which the sensor, or one of its group, is in the best linear "
-        "set of that size.",
+        legend("selected.resamples"),
         [k for k, name in enumerate(selection.sensors) if name in selection.chosen],
     )
 
@@ -197,10 +197,7 @@ def coefficients_table(selection: Selection, response: str) -> Table:
     return table(
         ["term", ">coefficient ± standard error", "unit", ">VIF"],
         list(coefficient_rows(selection, response)),
-        "Standard errors are robust to autocorrelation within runs. VIF belongs to the centred, scaled terms in which "
-        "the model was fitted; above 10 a term moves together with the others. Where there are powers or products, the "
-        "coefficient of a single sensor is its slope where all variables are zero, and in the picture where they have "
-        "their means. The formula above has more digits than these errors allow, to be computed with.",
+        legend("selected.terms"),
     )
 
 
@@ -232,8 +229,7 @@ def faults_table(selection: Selection) -> Table:
     return table(
         ["sensor", "response", ">1 K too high [µm]", ">stuck [µm]", ">open [µm]"],
         [(one.sensor, one.response, one.per_kelvin_um, one.stuck_um, one.open_um) for one in selection.faults],
-        "Largest change of the prediction over the recorded samples. Stuck: frozen at the reading of the start of the "
-        "run. Open: driven to the edge of the valid range, where a guard holds it.",
+        legend("selected.faults"),
     )
 
 

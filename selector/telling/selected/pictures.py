@@ -7,7 +7,7 @@ import numpy as np
 
 from selector import figures
 from selector.selection import Selection
-from selector.telling.account import Block, Drawing
+from selector.telling.account import Block, Drawing, legend
 
 MOST_RUNS = 12
 RUNS_PER_PICTURE = 6
@@ -19,7 +19,7 @@ def drawings(selection: Selection, description: Mapping[str, Any]) -> dict[str, 
     return {
         "curve": [Drawing(figures.error_against_sensors(selection, name)) for name in names],
         "proof": [
-            *(Drawing(figures.errors_per_run(selection, name), _PER_RUN) for name in names),
+            *(Drawing(figures.errors_per_run(selection, name), legend("selected.per-run")) for name in names),
             *(drawing for name in names for drawing in _traces(selection, name)),
         ],
         "groups": [*_places(selection, description), *_grouping(selection)],
@@ -30,7 +30,7 @@ def _traces(selection: Selection, response: str) -> Iterator[Drawing]:
     """Every left-out run, or of many the worst and some of all sorts."""
     runs = list(dict.fromkeys(trace.run for trace in selection.proof.traces))
     error = {part.name: part.rmse_um for part in selection.proof.per_response[response]}
-    text = _TRACES
+    text = legend("selected.traces")
     if len(runs) > MOST_RUNS:
         ranked = sorted(runs, key=lambda run: -error.get(run, 0.0))
         worst, others = ranked[:RUNS_PER_PICTURE], ranked[RUNS_PER_PICTURE:]
@@ -51,7 +51,10 @@ def _traces(selection: Selection, response: str) -> Iterator[Drawing]:
 def _grouping(selection: Selection) -> list[Drawing]:
     if len(selection.sensors) < 2:
         return []
-    drawn = (figures.sensor_tree(selection), _TREE), (figures.similarity_and_closure(selection), _SIMILARITY)
+    drawn = (
+        (figures.sensor_tree(selection), legend("selected.tree")),
+        (figures.similarity_and_closure(selection), legend("selected.similarity")),
+    )
     return [Drawing(figure, text) for figure, text in drawn]
 
 
@@ -63,17 +66,4 @@ def _places(selection: Selection, description: Mapping[str, Any]) -> list[Drawin
         if channel.get("xyz") is not None and channel["name"] in selection.sensors
         for x, y, z in [channel["xyz"]]
     }
-    return [Drawing(figures.sensor_places(selection, found), _PLACES)] if found else []
-
-
-_PLACES = "Where the sensors sit, as the machine file says. Sensors of one colour move together."
-_PER_RUN = "Each of them was predicted by sensors, terms and coefficients that were chosen without it."
-_TRACES = "The residual is measured minus predicted. All panels have the same scales."
-_TREE = (
-    "Read from right to left: as λ falls, sensors merge into groups. Colours: groups at the chosen λ; grey: single "
-    "sensors, and merges that the cut undoes. The axis stretches the levels close to 1."
-)
-_SIMILARITY = (
-    "The stronger the colour, the more alike two sensors move. A cell above the diagonal that is stronger than its "
-    "mirror image below says that the two are grouped through others, not by their own likeness. Bold: chosen."
-)
+    return [Drawing(figures.sensor_places(selection, found), legend("selected.places"))] if found else []

@@ -13,10 +13,9 @@ from selector.physics.drive.ball_bar.circle import BallBarTrace
 from selector.physics.drive.ball_bar.compensation import Compensations
 from selector.physics.drive.ball_bar.quantities import CircleQuantities, Extreme, Roundness, paired
 from selector.physics.drive.drive_summary import DriveSummary
-from selector.telling.account import Account, Captioned, Drawing, Table, remarks_of, section, sections, table
+from selector.telling.account import Account, Captioned, Drawing, Table, legend, remarks_of, section, sections, table
 from selector.telling.numbers import NONE, uncertain_text
 
-POLAR = "Distance of the two balls against the nominal radius, both directions; the rings say how many µm."
 _MICRO = 1e6
 _BACKLASH = "backlash"
 _MEANING = "lost motion at the reversal: backlash, or wind-up by friction"
@@ -81,12 +80,9 @@ def quantities_table(quantities: Sequence[CircleQuantities]) -> Table:
         )
         for one in quantities
     ]
-    note = (
-        "G: circular deviation counter-clockwise and clockwise, G(b): both together, narrowest ring; H: hysteresis; "
-        "F: farthest from the nominal radius, about the least-squares centre; D: mean radius minus nominal; all in µm, "
-        "in brackets where."
+    return table(
+        [">mm/min", ">G ccw", ">G cw", ">G(b)", ">H", ">F max", ">F min", ">D"], rows, legend("ball-bar.quantities")
     )
-    return table([">mm/min", ">G ccw", ">G cw", ">G(b)", ">H", ">F max", ">F min", ">D"], rows, note)
 
 
 def _at(extreme: Extreme) -> str:
@@ -105,12 +101,7 @@ def _causes_table(feed: FeedCauses, wind_up_m: Mapping[str, float] | None) -> Ta
         if cause.found
     ]
     rows.append(("what remains", "", f"{number_text(feed.remaining_rms_um)} rms", _percent(feed.remaining_share)))
-    note = (
-        "± one standard error, from what remains. Causes that do not stand out of it are left out. Shares are of the "
-        "sum of squares of the deviation and make 100 % with what remains; one is negative where a cause works against "
-        "the others, so that the circle is rounder with it."
-    )
-    return table(["cause", "size", ">range [µm]", ">share"], rows, note)
+    return table(["cause", "size", ">range [µm]", ">share"], rows, legend("ball-bar.causes"))
 
 
 def _of_it(cause: Cause, wind_up_m: Mapping[str, float] | None) -> list[str]:
@@ -124,11 +115,7 @@ def _overall_table(causes: CircleCauses) -> Table:
         (name, amount_text(one) if one.found else f"not found (below {number_text(one.below, 2)} {one.unit})")
         for name, one in causes.through_feeds.items()
     ]
-    note = (
-        "Constants of geometry and control that all feeds share. The gain by the radius is that of a first-order loop: "
-        "a slow velocity loop makes the circle shrink less, feed-forward more than the lag lets expect."
-    )
-    return table(["", ">value"], rows, note)
+    return table(["", ">value"], rows, legend("ball-bar.shared"))
 
 
 def amount_text(amount: Amount) -> str:
@@ -222,13 +209,9 @@ def compensation_table(needed: Compensations) -> Captioned:
         where = f"{_feed(one.feed_mm_per_min)} mm/min, {number_text(one.acceleration_m_per_s2)} m/s²"
         size = None if one.amplitude is None else amount_text(one.amplitude)
         rows.append((f"speed pulse of {one.axis}", size, amount_text(one.height_um), where))
-    note = (
-        "For compensations that were off in the test. The pulse, amplitude · exp(−t / reset time) of set speed in the "
-        "new direction when the axis turns, needs --reset-time, two feeds, and no feed-forward. Begin with half of "
-        "it, and measure again."
-    )
     return Captioned(
-        "For the compensations of the control", table(["compensation", ">value", ">of spike", "where"], rows, note)
+        "For the compensations of the control",
+        table(["compensation", ">value", ">of spike", "where"], rows, legend("ball-bar.compensations")),
     )
 
 
@@ -272,7 +255,7 @@ def measured_circles_account(
     if drawn:
         from selector.figures.simulated.ball_bar import ball_bar_figure
 
-        pictures = [Drawing(ball_bar_figure(pair), POLAR) for pair in reversed(paired(traces))]
+        pictures = [Drawing(ball_bar_figure(pair), legend("ball-bar.polar")) for pair in reversed(paired(traces))]
     columns = ["file", "columns", "direction", ">mm/min", ">samples", "order"]
     return Account(
         title=f"Ball-bar: {' and '.join(traces[0].axes)}, radius {number_text(radius_mm)} mm",

@@ -29,9 +29,9 @@ from selector.physics.drive.loop.stability import frequency_response as response
 from selector.physics.drive.parts.axis import Axis, Friction, Servo, ThreeMassMechanics
 from selector.physics.drive.trajectory import Motion, ParameterCourse
 from selector.physics.model_text import plain_values
-from selector.telling.account import Account, Block, Captioned, Drawing, Heading, Note, Table, section, table
+from selector.telling.account import Account, Block, Captioned, Drawing, Heading, Note, Table, legend, section, table
 from selector.telling.numbers import NONE, ms_text, span_text
-from selector.telling.simulated.ball_bar import POLAR, ball_bar_data, ball_bar_sentences, ball_bar_tables
+from selector.telling.simulated.ball_bar import ball_bar_data, ball_bar_sentences, ball_bar_tables
 from selector.telling.simulated.result import SAID, THINNED, Drawings, SimulationResult, is_said, simulation_account
 from selector.types import Vector
 
@@ -57,12 +57,6 @@ _SPREAD = 30.0  #: Frequencies are shown from the bandwidth divided by this to t
 
 #: Frequency response of a loop: frequencies [Hz], table over reference by its name, and its instants [s].
 Response = tuple[Vector, dict[str, NDArray[np.complex128]], tuple[float, ...]]
-_COURSE = f"Error: commanded minus true position of the table. Output: what the control puts out. {THINNED}"
-_LIMITED = " Shaded: a limit of current or speed is reached."
-_VARYING = "Stiffness changes with load and position, damping with speed. Dotted: instants of the frequency response."
-_RESPONSE = (
-    "From commanded to true position, for small motions without dry friction, backlash and limits. Dotted: −3 dB."
-)
 
 
 @dataclass(frozen=True)
@@ -226,11 +220,7 @@ def parts_table(parts: ErrorParts, measures: Measures) -> Table:
     """The parts of a tracking error with their sizes."""
     unit, times = measures.error
     rows = [(_WHAT[name], rms * times, _share_text(parts.share(name))) for name, rms in parts.rms_m.items()]
-    note = (
-        "A least-squares fit of the error on the commanded speed, its derivative, its sign and a constant: what a part "
-        "adds to those above it, the one that explains most first, so that the shares make 100 %."
-    )
-    return table(["goes with", f">rms [{unit}]", ">share"], rows, note)
+    return table(["goes with", f">rms [{unit}]", ">share"], rows, legend("drive.parts"))
 
 
 def _lag_sentence(parts: ErrorParts, axis: Axis) -> str:
@@ -306,7 +296,9 @@ def _drawings(result: SimulationResult, axes: Sequence[AxisInRun], runs: Sequenc
         if one.run == first_run and one.name in summary.loops
     }
     pairs = reversed(paired(tuple(done.traces.values()))) if summary.quantities else ()
-    found: dict[str, list[Block]] = {"ball-bar": [Drawing(ball_bar_figure(pair), POLAR) for pair in pairs]}
+    found: dict[str, list[Block]] = {
+        "ball-bar": [Drawing(ball_bar_figure(pair), legend("ball-bar.polar")) for pair in pairs]
+    }
     for run in runs:
         own = [one for one in axes if one.run == run]
         found[f"run {run}"] = [
@@ -326,7 +318,9 @@ def _axis(result: SimulationResult, one: AxisInRun, response: Response | None, *
     limited = samples if samples.any() else None
     unit = OUTPUT_UNITS[model.file_axes[one.name].section.output] or "control's unit"
     picture = axis_course(one.motion, name, unit, limited=limited, measures=one.measures)
-    drawn: list[Block] = [Drawing(picture, _COURSE + (_LIMITED if limited is not None else ""))]
+    drawn: list[Block] = [
+        Drawing(picture, f"{legend('drive.course')} {THINNED}{legend('drive.limited') if limited is not None else ''}")
+    ]
     course = course_of(model, one.name, moved)
     if course is None:
         return drawn
@@ -339,7 +333,7 @@ def _axis(result: SimulationResult, one: AxisInRun, response: Response | None, *
     if damping is None:
         damping = np.full(len(time_s), mechanics.guide_damping_ns_per_m)
     marks = () if response is None else response[2]
-    return [*drawn, Drawing(stiffness_and_damping(time_s, stiffness, damping, marks), _VARYING)]
+    return [*drawn, Drawing(stiffness_and_damping(time_s, stiffness, damping, marks), legend("drive.varying"))]
 
 
 def _response(axis: Axis, course: ParameterCourse | None, loop: LoopSummary) -> Response:
@@ -374,7 +368,7 @@ def _loop(name: str, loop: LoopSummary, response: Response, *, several: bool) ->
         {key: np.degrees(np.unwrap(np.angle(values))) for key, values in over.items()},
         title,
     )
-    return Drawing(picture, _RESPONSE)
+    return Drawing(picture, legend("drive.response"))
 
 
 def _instants_s(course: ParameterCourse) -> tuple[float, ...]:

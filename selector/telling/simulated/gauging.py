@@ -14,7 +14,19 @@ from selector.physics.gauging.gauging_summary import CAPABLE, GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes import CONFIDENCE, Capability, SizesByFormula
-from selector.telling.account import Account, Block, Captioned, Drawing, Note, Table, Verdict, captioned, section, table
+from selector.telling.account import (
+    Account,
+    Block,
+    Captioned,
+    Drawing,
+    Note,
+    Table,
+    Verdict,
+    captioned,
+    legend,
+    section,
+    table,
+)
 from selector.telling.numbers import NONE, ms_text, uncertain_text
 from selector.telling.simulated.result import THINNED, SimulationResult, simulation_account
 from selector.types import Vector
@@ -33,26 +45,6 @@ SETTINGS = {
     CENTRED: "last threshold centred",
     BEST_CENTRED: "best filter, last threshold centred",
 }
-_HISTOGRAM = (
-    "Bars: parts of the Monte Carlo calculation that the gauge has stopped. Line: eq. 25, which lets the reading pass "
-    "its threshold once."
-)
-_CHART = "In the order of grinding."
-_CHART_DRESSED = "In the order of grinding. Dotted: the wheel is dressed."
-_FILTER = (
-    "Simulated: error of the size against the wanted one, with thresholds calculated for each filter (eq. 23); the "
-    "present one with the threshold that it has, the best one with centred ones. A longer filter quiets the noise, but "
-    "makes the gauge late, and how much that is in size depends on the feed of the part."
-)
-_PART = (
-    "Allowance counts from the nominal size; where the feed stands it is the size of the part. Dotted: thresholds of "
-    f"the relay, and when the stages ended. {THINNED}"
-)
-_CURVE = (
-    "Grinding goes from right to left. Shaded: where the line holds. Points: where the voltage of a stage's threshold "
-    "lies, ahead of the allowance that is wanted by what the filter is late. Below: what the line reads less what is "
-    "there."
-)
 
 
 def gauging_account(result: SimulationResult, drawn: bool) -> Account:
@@ -149,11 +141,7 @@ def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
         ),
     ]
     heads = [">mean [µm]", ">off wanted [µm]"][: len(zeros)]
-    note = (
-        "± one standard error. Within: the same part ground again and again; between: what differs from part to part. "
-        "Eq. 25 lets the reading pass its threshold once."
-    )
-    return table(["", *heads, ">sd [µm]", ">within [µm]", ">between [µm]"], rows, note)
+    return table(["", *heads, ">sd [µm]", ">within [µm]", ">between [µm]"], rows, legend("gauging.sizes"))
 
 
 def capability_table(one: Capability) -> Table:
@@ -168,11 +156,9 @@ def capability_table(one: Capability) -> Table:
         ("too large, of normal sizes", percent(one.share_above), NONE),
         ("out of tolerance, counted", percent(one.share_outside), counted),
     ]
-    note = (
-        "Intervals: chi-square for Cp, Bissell for Cpk, Clopper and Pearson for the count; they say what a sample of "
-        "so many parts leaves open. By quantiles: for sizes that are not normal (ISO 22514-2)."
+    return table(
+        ["", f">of {one.count} parts", f">{100 * CONFIDENCE:.3g} % interval"], rows, legend("gauging.capability")
     )
-    return table(["", f">of {one.count} parts", f">{100 * CONFIDENCE:.3g} % interval"], rows, note)
 
 
 def trade_off_table(summary: GaugingSummary) -> Table:
@@ -190,11 +176,7 @@ def trade_off_table(summary: GaugingSummary) -> Table:
         )
         for one in summary.settings
     ]
-    note = (
-        "Each row: parts ground with just this filter and these thresholds (Monte Carlo, ± one standard error), all "
-        "with the same noise, feeds and starts. Off wanted: mean size minus the wanted one."
-        + ("" if follow else " A centred threshold is moved until the mean is as wanted.")
-    )
+    note = legend("gauging.settings") + ("" if follow else " A centred threshold is moved until the mean is as wanted.")
     heads = ["", ">T_Φ [ms]", ">thresholds [V]", ">off wanted [µm]", ">sd [µm]", ">rms error [µm]"]
     return table(heads, rows, note)
 
@@ -206,11 +188,7 @@ def stages_table(summary: GaugingSummary) -> Table:
         for number, stage in enumerate(summary.stages, start=1)
     ]
     headings = [">stage", ">feed [µm/s]", ">allowance falls at [µm/s]", ">until [µm]", ">threshold [V]"]
-    note = (
-        "A threshold is ahead of the allowance at which the stage is to end by what the filter, the relay "
-        "and, at the last one, the springs of the machine are late."
-    )
-    return table(headings, stages, note)
+    return table(headings, stages, legend("gauging.stages"))
 
 
 def _um(value: float) -> str:
@@ -287,7 +265,7 @@ def _sizes(result: SimulationResult) -> list[Block]:
     of_formula = uncertain_text(formula.mean_um + formula.curvature_um, formula.sd_um, least=0)
     title = f"Simulated: mean size {uncertain_text(sizes.mean_um, sizes.sd_um, least=0)} µm (standard deviation); "
     histogram = size_histogram(sizes.finished_um, curve, limits, wanted_um, f"{title}by formula {of_formula} µm")
-    drawn: list[Block] = [Drawing(histogram, _HISTOGRAM)]
+    drawn: list[Block] = [Drawing(histogram, legend("gauging.histogram"))]
     if ground is not None and len(ground.size_um) > 1:
         grinding = model.values.grinding
         every = grinding.dress_every if grinding.wheel_wear > 0 else 0
@@ -295,7 +273,7 @@ def _sizes(result: SimulationResult) -> list[Block]:
         low, high = number_text(float(ground.size_um.min())), number_text(float(ground.size_um.max()))
         title = f"Simulated: {len(ground.size_um)} parts of {low} to {high} µm"
         chart = sizes_over_parts(ground.size_um, limits, wanted_um, dressed, title)
-        drawn.append(Drawing(chart, _CHART_DRESSED if dressed else _CHART))
+        drawn.append(Drawing(chart, legend("gauging.chart-dressed") if dressed else legend("gauging.chart")))
     return drawn
 
 
@@ -310,7 +288,7 @@ def _parts(result: SimulationResult) -> list[Block]:
     for run, (courses, ends_s, is_finished) in shown.items():
         name = run if len(parts) > 1 else ""
         whole = part_in_time(*courses, thresholds, ends_s, is_finished=is_finished, name=name)
-        drawn.append(Drawing(whole, _PART))
+        drawn.append(Drawing(whole, f"{legend('gauging.part')} {THINNED}"))
     more = len(done.recording.runs) - (done.waveform is not None) - len(shown)
     return [*drawn, Note(f"{more} more parts were recorded; they are in their files.")] if drawn and more else drawn
 
@@ -325,7 +303,7 @@ def _gauge(result: SimulationResult) -> list[Block]:
     picture = gauge_characteristic(
         curve.allowance_um, curve.voltage_v, summary.gauge, summary.linear_range_um, thresholds
     )
-    return [Drawing(picture, _CURVE)]
+    return [Drawing(picture, legend("gauging.curve"))]
 
 
 _InTime = tuple[tuple[Vector, Vector, Vector, Vector, Vector | None], tuple[float, ...], bool]
@@ -372,7 +350,7 @@ def _filter(summary: GaugingSummary) -> list[Block]:
         title += "; the best one would make little difference"
     else:
         title += f", {number_text(best.rms_um)} µm with {ms_text(best.time_constant_s)} and centred thresholds"
-    return [Drawing(filter_trade_off(summary.filters, best, present, title), _FILTER)]
+    return [Drawing(filter_trade_off(summary.filters, best, present, title), legend("gauging.filter"))]
 
 
 def size_density(one: SizesByFormula) -> tuple[Vector, Vector]:

@@ -29,6 +29,7 @@ from selector.telling.account import (
     Table,
     Verdict,
     captioned,
+    legend,
     remarks_of,
     section,
     sections,
@@ -45,10 +46,6 @@ THINNED = "Long courses are drawn with the lowest and highest sample of each of 
 LEFT_OUT = "left out: default"
 _UNITS = {"degC": "°C", "um": "µm", "rpm": "r/min", "1": NONE}
 _SIMULATED = "SIMULATED: all of this comes from a computer model, nothing was measured."
-_COMPARED = (
-    "SIMULATED, but for the courses that are called recorded: those were measured, all else comes from a computer "
-    "model."
-)
 
 MOST_DRAWN = 6
 MOST_ROWS = 60
@@ -65,10 +62,6 @@ _FIRST = (("position", "table"), ("error",), ("total", "output"), ("force",))  #
 _CHANNEL_UNITS = {"um": "µm", "urad": "µrad", "degC": "°C", "rpm": "r/min", "1": ""}
 _EQUAL = 1e-9  #: Difference, as a share of what was recorded, below which it is rounding.
 
-_READ = (
-    "Simulated minus recorded. Long courses are drawn with the lowest and highest sample of each of 300 stretches; the "
-    "numbers count all."
-)
 
 Drawings = Mapping[str, Sequence[Block]]  #: Section of an account → its drawings; empty unless a page is made.
 Origins = tuple[tuple[str, float, str, str], ...]  #: (name, value, unit, where it is from) of every number of a model.
@@ -124,7 +117,7 @@ def simulation_account(
             section("parameters", "Parameters", _parameters(rows)),
             section("origin", "Origin", _origin(result, facts)),
         ),
-        label=_COMPARED if differences else _SIMULATED,
+        label=legend("simulated.compared") if differences else _SIMULATED,
         verdict=verdict,
         data=told_data,
         footer="The same model and options give the same bytes.",
@@ -262,7 +255,7 @@ def comparison_section(differences: Sequence[ChannelDifference], *, drawn: bool)
     several = len({one.run for one in differences}) > 1
     telling = [one for one in differences if one.kind or one.largest > _EQUAL * float(np.abs(one.recorded).max())]
     drawings = [
-        Drawing(_drawn(one, f"{one.channel}, {one.run}" if several else one.channel), _READ)
+        Drawing(_drawn(one, f"{one.channel}, {one.run}" if several else one.channel), legend("simulated.difference"))
         for one in telling[: MOST_DRAWN if drawn else 0]
     ]
     more = len(telling) - MOST_DRAWN
@@ -289,10 +282,7 @@ def comparison_table(differences: Sequence[ChannelDifference]) -> Table:
         for one in differences[:MOST_ROWS]
     ]
     more = len(differences) - MOST_ROWS
-    note = (
-        "Simulated minus recorded at the samples of the recording. Relative: ‖difference‖ / ‖recorded about its mean‖."
-        + (f" {more} more are in the JSON." if more > 0 else "")
-    )
+    note = legend("simulated.relative") + (f" {more} more are in the JSON." if more > 0 else "")
     heads = ["run", "axis", "channel", "what"] if axes else ["run", "channel"]
     return table([*heads, ">rms", ">largest", ">at [s]", "unit", ">relative"], rows, note)
 

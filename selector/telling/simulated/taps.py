@@ -10,11 +10,10 @@ from selector.json_text import fields_of
 from selector.number_text import listed, number_text
 from selector.physics.vibration.taps.response import TapMode
 from selector.physics.vibration.taps.tap_fit import TapFit, TapParameter
-from selector.telling.account import Account, Captioned, Drawing, Table, remarks_of, section, sections, table
+from selector.telling.account import Account, Captioned, Drawing, Table, legend, remarks_of, section, sections, table
 from selector.telling.numbers import NONE, share_text
 from selector.types import Vector
 
-_READ = "Motion of one member per newton on another, where taps agree; with the exponential window, if there was one."
 _MOST_DRAWN = 6
 
 
@@ -25,7 +24,7 @@ def tap_account(fit: TapFit, findings: Sequence[Finding], *, drawn: bool = False
         from selector.figures.simulated.vibration import tapped_compliances
 
         panels = {f"{one.of} / {one.at}": _curves(fit, k) for k, one in enumerate(fit.responses[:_MOST_DRAWN])}
-        pictures = [Drawing(tapped_compliances(panels, f"Compliances: {_left(fit)}"), _READ)]
+        pictures = [Drawing(tapped_compliances(panels, f"Compliances: {_left(fit)}"), legend("taps.compliances"))]
     read = [
         {
             "of": one.of,
@@ -131,8 +130,7 @@ def _parameters_table(fit: TapFit) -> Table:
         digits = 4 if half <= 0 else min(max(4, math.ceil(math.log10(abs(told[1]) / half + 1.0)) + 1), 9)
         before, value, *ends = (number_text(number, digits if k else 4) for k, number in enumerate(told))
         rows.append((_name(fit, one), unit, before, value, " to ".join(ends) or NONE, one.unseen))
-    note = "ψ: share of the energy that is lost in a cycle. A dash: the taps do not tell it, for the reason beside it."
-    return table(["", "unit", ">file", ">fitted", ">95 % interval", "why none"], rows, note)
+    return table(["", "unit", ">file", ">fitted", ">95 % interval", "why none"], rows, legend("taps.joints"))
 
 
 def _modes_table(fit: TapFit) -> Table:

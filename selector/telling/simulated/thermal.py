@@ -16,7 +16,19 @@ from selector.physics.thermal.drift_quantities import largest_displacement
 from selector.physics.thermal.model_file import FieldFile, MeshFile
 from selector.physics.thermal.thermal_model import slowest_time_constants
 from selector.recording import Recording
-from selector.telling.account import Account, Block, Captioned, Drawing, Heading, Note, Table, captioned, section, table
+from selector.telling.account import (
+    Account,
+    Block,
+    Captioned,
+    Drawing,
+    Heading,
+    Note,
+    Table,
+    captioned,
+    legend,
+    section,
+    table,
+)
 from selector.telling.numbers import NONE, span_text
 from selector.telling.simulated.result import SAID, Origins, SimulationResult, is_said, simulation_account
 
@@ -25,15 +37,6 @@ if TYPE_CHECKING:
     from selector.physics.thermal.field_model import FieldMoment
 
 MOST_RUNS = 6
-_COURSES = "Top: what is done to the machine. Bottom: the tool against the table, as the simulated gauges read it."
-_GROUPED = (
-    "Thermometers on one part of the machine stand in one panel; where there are very many, some are drawn, from the "
-    "one that warms least to the one that warms most. The table of channels says where each of them sits."
-)
-_PICTURE = (
-    "Left: temperature; the dots are thermometers. Right: deformation since the start of the run, drawn larger than it "
-    "is. It can be turned with the mouse."
-)
 
 
 def thermal_account(result: SimulationResult, drawn: bool) -> Account:
@@ -133,8 +136,7 @@ def constants_table(constants: Mapping[str, NDArray[np.float64]]) -> Table:
         (str(number), *(None if value is None else _minutes(value) for value in values))
         for number, values in enumerate(zip_longest(*constants.values()), start=1)
     ]
-    note = "Slowest first. After one time constant 63 % of the way to the steady state is done, after three 95 %."
-    return table([">mode", *(f">{name} [min]" for name in constants)], rows, note)
+    return table([">mode", *(f">{name} [min]" for name in constants)], rows, legend("thermal.modes"))
 
 
 def _minutes(seconds: float) -> str:
@@ -164,9 +166,9 @@ def _run(result: SimulationResult, run: str) -> list[Block]:
 
     recording, inputs = result.recording, result.simulated.inputs
     thermometers = [name for name in recording.with_role("temperature") if name not in inputs]
-    drawn: list[Block] = [Drawing(inputs_and_displacements(recording, run, inputs), _COURSES)]
+    drawn: list[Block] = [Drawing(inputs_and_displacements(recording, run, inputs), legend("thermal.courses"))]
     if thermometers:
-        drawn.append(Drawing(temperatures(recording, run, inputs), _GROUPED))
+        drawn.append(Drawing(temperatures(recording, run, inputs), legend("thermal.grouped")))
     return drawn
 
 
@@ -201,4 +203,4 @@ def moment_drawing(recording: Recording, inputs: Sequence[str], moment: FieldMom
     drawn = machine_field(
         moment.nodes_m, moment.triangles, moment.temperature_degc, moment.deformation_um, title, places
     )
-    return Drawing(drawn, _PICTURE)
+    return Drawing(drawn, legend("thermal.picture"))

@@ -26,7 +26,7 @@ from selector.physics.vibration.structure.structure import (
 )
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import LineSummary, VibrationSummary
-from selector.telling.account import Account, Block, Drawing, Table, captioned, section, table
+from selector.telling.account import Account, Block, Drawing, Table, captioned, legend, section, table
 from selector.telling.numbers import share_text, span_text
 from selector.telling.simulated.result import THINNED, SimulationResult, simulation_account
 from selector.types import Vector
@@ -49,19 +49,6 @@ _BEYOND, _BEYOND_LINES = 2.0, 10.0
 _AROUND = np.linspace(-3.0, 3.0, 13)  #: Frequencies about a mode, in widths of its resonance, that a sharp one needs.
 _NOTHING = 1e-9  #: Share of the largest answer below which there is none, but for rounding.
 _MICRO = 1e6
-_ERRORS = (
-    "Filled: what a tip leaves that copies the motion of the tool against the workpiece. Hollow: W, the law of the "
-    "cutting force, which takes inertia forces of tool and workpiece for changes of it. First revolution, without "
-    "regeneration and chatter; grey: several sources."
-)
-_STABILITY = (
-    "Below the line the waves of one turn die out in the next, above it they grow. The tool is taken to swing along "
-    "the thickness of the chip, on the whole structure. Dotted: the speed of the workpiece. What rubs on the flank at "
-    "low speeds, and holds chatter back there, is not in it."
-)
-_RESPONSE = "Amplitude per newton of each source; circles: lines of its spectrum."
-_RESPONSE_OF_CHAINS = " Dashed: by the chains. Dotted: up to here those of the low range, then those of the high one."
-_STRETCH = "Around the largest motion of the tool against the workpiece. Phases of the sources are drawn by the seed."
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,12 +266,7 @@ def stability_sentence(limit: StabilityLimit) -> str:
 def kinds_table(heights: Sequence[KindHeight]) -> Table:
     """Height of every kind."""
     rows = [(one.kind, str(one.lines), one.kinematic_um, one.rms_um) for one in heights]
-    note = (
-        "Copied: root of the sum of squares of 2·|motion of tool against workpiece|, of lines that know nothing of "
-        "each other. W: the same root of the heights by the law of the cutting force. First revolution, without "
-        "regeneration and chatter."
-    )
-    return table(["kind", ">frequencies", ">copied motion [µm]", ">W [µm]"], rows, note)
+    return table(["kind", ">frequencies", ">copied motion [µm]", ">W [µm]"], rows, legend("vibration.kinds"))
 
 
 def errors_table(errors: Sequence[PeriodicError]) -> Table:
@@ -346,13 +328,8 @@ def chains_table(accuracy: Sequence[ChainAccuracy]) -> Table:
         )
         for one in accuracy
     ]
-    note = (
-        "Against the coupled solution of the whole structure with the same force, in the chain's range, evenly over "
-        "the logarithm of the frequency, phase counted. One way: published against the coupled solution of the chain "
-        "alone. Cut out: the chain alone, coupled, against the whole structure."
-    )
     heads = ["chain", "source", "final", ">within 10 %", ">rms [dB]"]
-    return table([*heads, ">one way [dB]", ">cut out [dB]"], rows, note)
+    return table([*heads, ">one way [dB]", ">cut out [dB]"], rows, legend("vibration.chains"))
 
 
 def _drawings(result: SimulationResult) -> dict[str, list[Block]]:
@@ -387,7 +364,7 @@ def _errors(model: VibrationModel, summary: VibrationSummary, colours: Mapping[s
         f"{number_text(worst.wavelength_mm)} mm from one crest to the next"
     )
     drawn = errors_over_wavelength(summary.errors, cutting, model.surface, colours, title)
-    return [Drawing(drawn, _ERRORS)]
+    return [Drawing(drawn, legend("vibration.errors"))]
 
 
 def _stability(summary: VibrationSummary) -> list[Block]:
@@ -400,7 +377,7 @@ def _stability(summary: VibrationSummary) -> list[Block]:
     depth, _ = limit.at_speed(rpm)
     allowed = f"up to a depth of {number_text(depth)} mm" if np.isfinite(depth) else "at any depth"
     drawn = stability_lobes(limit, f"Computed: at {rpm:.4g} r/min the cut does not chatter {allowed}")
-    return [Drawing(drawn, _STABILITY)]
+    return [Drawing(drawn, legend("vibration.stability"))]
 
 
 def _response(model: VibrationModel, summary: VibrationSummary, colours: Mapping[str, str]) -> list[Block]:
@@ -423,7 +400,7 @@ def _response(model: VibrationModel, summary: VibrationSummary, colours: Mapping
     )
     drawn = response_over_frequency(frequency_hz, answers, colours, title, summary.split_hz)
     has_chains = any(one.chains_um_per_n is not None for ones in answers.values() for one in ones)
-    text = _RESPONSE + (_RESPONSE_OF_CHAINS if has_chains else "")
+    text = legend("vibration.response") + (legend("vibration.response-of-chains") if has_chains else "")
     if len(colours) > len(shown):
         text += f" Drawn are the {len(shown)} of {len(colours)} sources that move the tool most against the workpiece."
     return [Drawing(drawn, text)]
@@ -444,7 +421,7 @@ def _course(one: Course, colours: Mapping[str, str], several: bool) -> Drawing:
     )
     title = f"Simulated: {what}; the tool is up to {number_text(float(abs(motion[k])))} µm off the workpiece's motion"
     drawn = motion_course(one.time_s, one.motions_um, one.forces_n, one.speeds_rpm, colours, title)
-    return Drawing(drawn, THINNED if one.is_whole else _STRETCH)
+    return Drawing(drawn, THINNED if one.is_whole else legend("vibration.stretch"))
 
 
 def _answers(
