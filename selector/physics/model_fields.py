@@ -14,7 +14,20 @@ from functools import cache, partial, reduce
 from itertools import pairwise
 from operator import getitem
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Generic,
+    Literal,
+    Self,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from pydantic import AfterValidator, BaseModel, Field, StrictBool, create_model
 from pydantic.fields import FieldInfo
@@ -22,7 +35,16 @@ from pydantic.fields import FieldInfo
 from selector.errors import InputError, Misfit, ModelFileError, OptionError, refuse
 from selector.findings import Finding, Where
 from selector.physics.finding_table import FINDINGS
-from selector.physics.model_text import Contradiction, Entry, Key, entries_in, key_text, limited, plain_values
+from selector.physics.model_text import (
+    Contradiction,
+    Entry,
+    Key,
+    ModelFamily,
+    entries_in,
+    key_text,
+    limited,
+    plain_values,
+)
 from selector.text_file import toml_key, toml_value
 
 _File = TypeVar("_File", bound=Any)
@@ -43,11 +65,22 @@ class ModelOfFile(Generic[_File]):
     """What a model file describes, ready to be run."""
 
     file: _File  #: The file's content
+    family: ClassVar[ModelFamily[Any]]  #: How such files are read, and which of their numbers are parameters
 
     @property
     def name(self) -> str:
         """What the file calls it."""
         return str(self.file.model.name)
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Named numbers with units and bounds, see `numbers` of the model file; errors as `parameters_of`."""
+        return parameters_of(self.file, self.family.numbers(self.file))
+
+    def with_parameters(self, values: Mapping[str, float]) -> Self:
+        """The same model with other values of some parameters; errors as `file_with`."""
+        file = file_with(self.file, values, self.family.numbers(self.file), self.family.checked)
+        return dataclasses.replace(self, file=file)
 
 
 def numbers_in(value: Any, path: Key) -> Iterator[Key]:

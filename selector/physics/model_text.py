@@ -139,6 +139,7 @@ class ModelFamily(Generic[File]):
     #: columns_needed and column_roles: File → key → column of a recording beside it that it refers to; key → role
     columns_needed: Callable[[File], Mapping[str, Any]] = lambda file: {}
     column_roles: Mapping[str, str] = field(default_factory=dict)
+    numbers: Callable[[File], Iterable[Any]] = lambda file: ()  #: File → every `Number` that is one of its parameters
     #: File, its path → the same with whole paths of what it names beside it
     with_files: Callable[[File, Path], File] = lambda file, path: file
 

@@ -12,21 +12,19 @@ from selector.findings import Finding
 from selector.physics.checks import told_of
 from selector.physics.drive.ball_bar.circle import LONGEST_PERIOD_S, BallBarTrace, Circle, PairGeometry, ball_bar_run
 from selector.physics.drive.file.model_file import (
+    FAMILY,
     Columns,
-    checked_model_file,
     columns_needed,
     file_circles,
     file_reference,
     moved_axes,
-    numbers,
-    parameters,
 )
 from selector.physics.drive.file.model_schema import MOST_STEPS, CircleMotion, DriveFile, FileAxis, file_axis
 from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.simulation import AxisRun, advised_step_s, circle_step_s, simulate_axis, steps_per_period
 from selector.physics.drive.trajectory import Motion, Reference
-from selector.physics.model_fields import ModelOfFile, Parameter, file_with, value_of
+from selector.physics.model_fields import ModelOfFile, value_of
 from selector.recording import Channel, Recording
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
@@ -139,6 +137,7 @@ class DriveSimulation:
 class DriveModel(ModelOfFile[DriveFile]):
     """The feed drive that a model file describes; made by `drive_model`."""
 
+    family = FAMILY
     #: Values of the columns that it refers to, see `model_file.columns_needed`; empty without such
     columns: Columns = field(default_factory=dict)
 
@@ -152,11 +151,6 @@ class DriveModel(ModelOfFile[DriveFile]):
         """Channels that it gives: what every axis does, then what a ball-bar shows."""
         shown = (ANGLE, DEVIATION) if isinstance(self.file.motion, CircleMotion) else ()
         return (*self._axis_outputs(tuple(self.axes)), *shown)
-
-    @property
-    def parameters(self) -> Mapping[str, Parameter]:
-        """Named numbers with units and bounds, see `parameters.parameters`."""
-        return parameters(self.file)
 
     @cached_property
     def axes(self) -> Mapping[str, FileAxis]:
@@ -180,10 +174,6 @@ class DriveModel(ModelOfFile[DriveFile]):
             return {"": None}
         turns = {1: "ccw", -1: "cw"}
         return {f"F{one.feed_mm_per_min:g} {turns[one.direction]}": one for one in file_circles(self.file)}
-
-    def with_parameters(self, values: Mapping[str, float]) -> "DriveModel":
-        """The same model with other values of some parameters; errors as `file_with`."""
-        return DriveModel(file_with(self.file, values, numbers(self.file), checked_model_file), self.columns)
 
     def simulation(self, *, run: str = "simulation", seed: int | None = None) -> DriveSimulation:
         """What the axes do in the motion of the file.

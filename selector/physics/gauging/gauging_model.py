@@ -24,17 +24,15 @@ from selector.physics.gauging.grinding.gauged_grinding import (
     waveform,
 )
 from selector.physics.gauging.model_file import (
+    FAMILY,
     MOST_RECORDED,
     FileParts,
     GaugingFile,
-    checked_model_file,
     file_parts,
     finest_s,
-    numbers,
-    parameters,
     sampling_s,
 )
-from selector.physics.model_fields import ModelOfFile, Parameter, file_with, refused, unlikely_values
+from selector.physics.model_fields import ModelOfFile, refused, unlikely_values
 from selector.physics.model_text import key_text
 from selector.physics.simulation_kind import Progress, unheard
 from selector.recording import Channel, Recording
@@ -159,15 +157,12 @@ class GaugingSimulation:
 class GaugingModel(ModelOfFile[GaugingFile]):
     """The gauging that a model file describes; made by `gauging_model`."""
 
+    family = FAMILY
+
     @property
     def outputs(self) -> tuple[Channel, ...]:
         """Channels that it gives."""
         return (*PART_CHANNELS, *(WAVEFORM_CHANNELS if self.file.run.waveform_s > 0 else ()))
-
-    @property
-    def parameters(self) -> Mapping[str, Parameter]:
-        """Named numbers with units and bounds, see `parameters.parameters`."""
-        return parameters(self.file)
 
     @property
     def runs(self) -> tuple[str, ...]:
@@ -242,7 +237,7 @@ class GaugingModel(ModelOfFile[GaugingFile]):
 
     def with_parameters(self, values: Mapping[str, float]) -> "GaugingModel":
         """The same model with other values of some parameters; errors as `file_with`."""
-        return gauging_model(file_with(self.file, values, numbers(self.file), checked_model_file))
+        return gauging_model(super().with_parameters(values).file)
 
     def measured_um(self, voltage_v: Vector) -> Vector:
         """Allowances that the gauge shows for smoothed voltages; beyond what it can give, those of its ends [µm]."""

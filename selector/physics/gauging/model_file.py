@@ -12,18 +12,7 @@ from selector.number_text import round_below
 from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer, wear_share
 from selector.physics.gauging.grinding.gauged_grinding import feeds_s
 from selector.physics.gauging.process import Correction, Grinding, Noise, Stage, Surface, Tolerance
-from selector.physics.model_fields import (
-    Fit,
-    Number,
-    Parameter,
-    SectionOf,
-    Unit,
-    given,
-    numbers_of,
-    parameters_of,
-    refusals,
-    value_of,
-)
+from selector.physics.model_fields import Fit, Number, SectionOf, Unit, given, numbers_of, refusals, value_of
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Bounds,
@@ -270,14 +259,7 @@ def _of_thresholds(file: GaugingFile, parts: FileParts) -> Iterator[Contradictio
         yield key, f"{found} V", "voltages that rise, as that of the gauge does", "sort them as the stages are sorted"
 
 
-FAMILY: ModelFamily[GaugingFile] = ModelFamily(
-    "gauging", KINDS, contradictions, page="docs/reference/gauging-model.md", examples="fixtures/gauging"
-)
-#: The model file at a path, of a text, and of plain values; see `ModelFamily`.
-read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
-
-
-def parameters(file: GaugingFile) -> dict[str, Parameter]:
+def numbers(file: GaugingFile) -> Iterator[Number]:
     """The physics of gauging as named numbers, those that are switched off included: lag, wear, delay, run-out.
 
     Names are the keys of the file, also where the file leaves them out, arrays counted from 1:
@@ -285,11 +267,6 @@ def parameters(file: GaugingFile) -> dict[str, Parameter]:
     Tolerances and whole numbers are none. Bounds are those of the fields, unless ``[bounds]`` says otherwise. Errors
     as `parameters_of`.
     """
-    return parameters_of(file, numbers(file))
-
-
-def numbers(file: GaugingFile) -> Iterator[Number]:
-    """Every number that is one of the `parameters`, with its place in the file."""
     parts = file_parts(file)
     if parts.transducer is not None:
         yield from numbers_of(parts.transducer, ("transducer",))
@@ -303,3 +280,15 @@ def numbers(file: GaugingFile) -> Iterator[Number]:
             yield number
     yield from numbers_of(parts.noise, ("noise",))
     yield from numbers_of(file.thresholds, ("thresholds",))
+
+
+FAMILY: ModelFamily[GaugingFile] = ModelFamily(
+    "gauging",
+    KINDS,
+    contradictions,
+    page="docs/reference/gauging-model.md",
+    examples="fixtures/gauging",
+    numbers=numbers,
+)
+#: The model file at a path, of a text, and of plain values; see `ModelFamily`.
+read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked

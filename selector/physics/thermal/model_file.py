@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, StrictBool, Tag
 
-from selector.physics.model_fields import Fit, Number, Parameter, Unit, file_with, numbers_in, numbers_of, parameters_of
+from selector.physics.model_fields import Fit, Number, Unit, numbers_in, numbers_of
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Bounds,
@@ -529,35 +529,18 @@ def _with_mesh(file: ModelFile, path: Path) -> ModelFile:
     return file.model_copy(update={"mesh": file.mesh.model_copy(update={"file": str(whole)})})
 
 
-FAMILY: ModelFamily[ModelFile] = ModelFamily(
-    "thermal", KINDS, contradictions, page="docs/reference/thermal-model.md", examples="fixtures/thermal",
-    columns_needed=columns_needed, with_files=_with_mesh,
-    column_roles={"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"},
-)  # fmt: skip
-#: The model file at a path, of a text, and of plain values; see `ModelFamily`.
-read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
-
 _SECTIONS = ("nodes", "links", "films", "coolant_films", "cooled", "sources", "modes", "run")
 
 
-def parameters(file: ModelFile) -> dict[str, Parameter]:
+def numbers(file: ModelFile) -> Iterator[Number]:
     """The physics of a model file as named numbers; what the file does not say (switched off) is no parameter.
 
     Names are the keys of the file: ``nodes.column.heat_capacity_j_per_k``, ``links.bed~column.conductance_w_per_k``,
     ``films.hall.still_w_per_m2_k``, ``modes.gains_um.Z.2000 rpm.mode 1``, ``run.start_degc``. Bounds are
-    those of the fields, unless ``[bounds]`` says otherwise. Errors as `parameters_of`.
+    those of the fields, unless ``[bounds]`` says otherwise. Of the field machine those of the laws that the file does
+    not mention are among them.
     """
-    return parameters_of(file, _numbers(file))
-
-
-def with_parameters(file: ModelFile, values: Mapping[str, float]) -> ModelFile:
-    """The model file with other values of some parameters, see `file_with`."""
-    return file_with(file, values, _numbers(file), checked_model_file, _complete_values(file))
-
-
-def _numbers(file: ModelFile) -> Iterator[Number]:
-    """Those that the file says, and of the field machine those of the laws that it does not mention, too."""
-    values = _complete_values(file)
+    values = complete_values(file)
     whole = FieldFile.model_validate(values) if isinstance(file, FieldFile) else file
     known = {one.path: one for one in numbers_of(whole)}
     for section in _SECTIONS:
@@ -566,7 +549,7 @@ def _numbers(file: ModelFile) -> Iterator[Number]:
                 yield replace(known[path], name=_name(file, path))
 
 
-def _complete_values(file: ModelFile) -> dict[str, Any]:
+def complete_values(file: ModelFile) -> dict[str, Any]:
     """The sections as plain values; those of the field machine with the laws that the file does not mention."""
     values = plain_values(file)
     if isinstance(file, FieldFile):
@@ -588,3 +571,12 @@ def _name(file: ModelFile, path: Key) -> str:
         if path[1] == "gains_um" and isinstance(head[-1], int):
             parts[-2] = speeds[head[-1]]
     return ".".join(parts)
+
+
+FAMILY: ModelFamily[ModelFile] = ModelFamily(
+    "thermal", KINDS, contradictions, page="docs/reference/thermal-model.md", examples="fixtures/thermal",
+    columns_needed=columns_needed, numbers=numbers, with_files=_with_mesh,
+    column_roles={"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"},
+)  # fmt: skip
+#: The model file at a path, of a text, and of plain values; see `ModelFamily`.
+read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked

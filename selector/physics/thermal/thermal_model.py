@@ -11,10 +11,11 @@ from scipy.sparse.csgraph import connected_components
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
-from selector.physics.model_fields import ModelOfFile, Parameter
+from selector.physics.model_fields import ModelOfFile, file_with
 from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.thermal.finding_table import FINDINGS
 from selector.physics.thermal.model_file import (
+    FAMILY,
     FieldFile,
     Gauge,
     InputsSection,
@@ -23,9 +24,10 @@ from selector.physics.thermal.model_file import (
     ModesFile,
     NetworkFile,
     Sensor,
-    parameters,
+    checked_model_file,
+    complete_values,
+    numbers,
     stated_laws,
-    with_parameters,
 )
 from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
@@ -159,6 +161,7 @@ _AXES = ("X", "Y", "Z", "A", "B", "C")
 class FileModel(ModelOfFile[ModelFile]):
     """The model that a model file describes; made by `thermal_model`."""
 
+    family = FAMILY
     machine: HeatMachine | ModalModel  #: The equations that were built from it
 
     @property
@@ -191,17 +194,12 @@ class FileModel(ModelOfFile[ModelFile]):
         gauges = [Channel(g.name, "displacement", CANONICAL_UNITS["displacement"], axis=_axis(g)) for g in self._gauges]
         return (*thermometers, *gauges)
 
-    @property
-    def parameters(self) -> Mapping[str, Parameter]:
-        """Named numbers with units and bounds, see `parameters.parameters`."""
-        return parameters(self.file)
-
     def with_parameters(self, values: Mapping[str, float]) -> "FileModel":
-        """The same model with other values of some parameters; errors as in `parameters.with_parameters`.
+        """The same model with other values of some parameters; errors as `file_with`.
 
         A body whose parameters are all in its laws is not built again.
         """
-        file = with_parameters(self.file, values)
+        file = file_with(self.file, values, numbers(self.file), checked_model_file, complete_values(self.file))
         built = self.machine if isinstance(self.machine, HeatMachine) else None
         return FileModel(file, machine_of(file, built))
 

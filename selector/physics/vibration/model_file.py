@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from selector.errors import InputError
-from selector.physics.model_fields import Fit, Number, Parameter, Unit, Usual, numbers_of, parameters_of, refusals
+from selector.physics.model_fields import Fit, Number, Unit, Usual, numbers_of, refusals
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Contradiction,
@@ -429,30 +429,19 @@ def _of_run(file: VibrationFile) -> Iterator[Contradiction]:
             yield ("run", "duration_s"), f"{math.ceil(count)} {what}", f"at most {most}", advice
 
 
-FAMILY: ModelFamily[VibrationFile] = ModelFamily(
-    "vibration", KINDS, contradictions, page="docs/reference/vibration-model.md", examples="fixtures/vibration"
-)
-#: The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`.
-read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
-
 _TIMES = 10.0
 _SMALLEST = 1e-3  #: Of a force that is there: a line without any is refused.
 
 
-def parameters(file: VibrationFile) -> dict[str, Parameter]:
+def numbers(file: VibrationFile) -> Iterator[Number]:
     """The physics of a structure and its sources as named numbers, those that are switched off included.
 
     Names are the keys of the file, arrays counted from 1: ``members.tool.mass_kg``, ``joints.3.dissipation``,
     ``sources.IK2.lines.1.force_n``. Masses and stiffnesses may be a tenth to ten times what they are, ψ from 0 to 2.
     A force that is there may be a thousandth to ten times; one that is 0 from 0 to ten times what the unbalance of its
     line makes at the highest speed, and the other way round; phases −π to π. Always around the value, unless
-    ``[bounds]`` says otherwise. Errors as `parameters_of`.
+    ``[bounds]`` says otherwise.
     """
-    return parameters_of(file, numbers(file))
-
-
-def numbers(file: VibrationFile) -> Iterator[Number]:
-    """Every number that is one of the `parameters`, with its place in the file."""
     for name, member in file.members.items():
         yield from _of_section(member, ("members", name))
     for number, joint in enumerate(file.joints):
@@ -489,3 +478,15 @@ def _of_line(path: Key, line: LineSection, course: ShaftCourse | None, duration_
         elif line.order is not None or key == "force_n":
             # what keeps its frequency is no unbalance: that follows a shaft
             yield replace(one, low=0.0, high=_TIMES * instead[key])
+
+
+FAMILY: ModelFamily[VibrationFile] = ModelFamily(
+    "vibration",
+    KINDS,
+    contradictions,
+    page="docs/reference/vibration-model.md",
+    examples="fixtures/vibration",
+    numbers=numbers,
+)
+#: The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`.
+read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked

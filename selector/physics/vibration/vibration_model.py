@@ -8,17 +8,15 @@ import numpy as np
 import pandas as pd
 
 from selector.findings import Finding
-from selector.physics.model_fields import ModelOfFile, Parameter, file_with
+from selector.physics.model_fields import ModelOfFile
 from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.vibration.chains import Chain
 from selector.physics.vibration.model_file import (
+    FAMILY,
     VibrationFile,
-    checked_model_file,
     file_shafts,
     file_structure,
     mean_rpm,
-    numbers,
-    parameters,
     source_of,
 )
 from selector.physics.vibration.motion.final_motion import ChainMethod, FinalMotions, final_motions
@@ -53,6 +51,8 @@ class VibrationSimulation:
 class VibrationModel(ModelOfFile[VibrationFile]):
     """The vibrating structure that a model file describes; made by `vibration_model`."""
 
+    family = FAMILY
+
     @property
     def outputs(self) -> tuple[Channel, ...]:
         """Channels that it gives: motion of tool and workpiece, and of the one against the other."""
@@ -61,11 +61,6 @@ class VibrationModel(ModelOfFile[VibrationFile]):
             *(Channel(final, "displacement", "um", member) for final, member in members.items()),
             Channel(RELATIVE, "displacement", "um", f"{members['tool']} against {members['workpiece']}"),
         )
-
-    @property
-    def parameters(self) -> Mapping[str, Parameter]:
-        """Named numbers with units and bounds, see `parameters.parameters`."""
-        return parameters(self.file)
 
     @cached_property
     def structure(self) -> Structure:
@@ -134,10 +129,6 @@ class VibrationModel(ModelOfFile[VibrationFile]):
                 span = (order * slow / 60.0, order * fast / 60.0) if fixed is None else (fixed, fixed)
                 found.append((source.name, *span))
         return tuple(found)
-
-    def with_parameters(self, values: Mapping[str, float]) -> "VibrationModel":
-        """The same model with other values of some parameters; errors as `file_with`."""
-        return VibrationModel(file_with(self.file, values, numbers(self.file), checked_model_file))
 
     def motions(self, shaft_rpm: Mapping[str, float]) -> dict[str, FinalMotions]:
         """Method → motion of the finals by every line at these speeds [r/min]; the chains where there are any."""

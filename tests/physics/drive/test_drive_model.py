@@ -17,7 +17,6 @@ from selector.physics.drive.drive_summary import drive_summary
 from selector.physics.drive.file.model_file import (
     checked_model_file,
     file_reference,
-    parameters,
     parsed_model_file,
     read_model_file,
 )
@@ -29,6 +28,10 @@ from selector.physics.model_text import plain_values
 from tests.physics.drive.test_model_file import CIRCLE, MOVES, PARTS, RIGID, changed
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "fixtures" / "drive"
+
+
+def parameters(file):
+    return DriveModel(file).parameters
 
 
 def with_parameters(file, values):

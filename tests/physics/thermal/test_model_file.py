@@ -16,16 +16,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError, ModelFileError, OptionError
+from selector.physics.model_fields import file_with, parameters_of
 from selector.physics.model_text import plain_values
 from selector.physics.thermal.field.machine import SENSORS, machine_laws
 from selector.physics.thermal.field_model import laws_of
 from selector.physics.thermal.model_file import (
     InputsSection,
     checked_model_file,
-    parameters,
+    complete_values,
+    numbers,
     parsed_model_file,
     read_model_file,
-    with_parameters,
 )
 from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.network.transient import simulate_heat
@@ -58,6 +59,14 @@ ONE_NODE = {
     "films": {"air": {"area_m2": {"block": AREA}, "still_w_per_m2_k": FILM}},
     "sources": {"bearing": {"shares": {"block": 1.0}, "speed_w": HEAT, "reference_rpm": 1000.0}},
 }
+
+
+def parameters(file):
+    return parameters_of(file, numbers(file))
+
+
+def with_parameters(file, values):
+    return file_with(file, values, numbers(file), checked_model_file, complete_values(file))
 
 
 def one_node(**changes: dict) -> dict:

@@ -11,12 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import ModelFileError, OptionError
-from selector.physics.vibration.model_file import checked_model_file, parameters, read_model_file
-from selector.physics.vibration.vibration_model import vibration_model
+from selector.physics.vibration.model_file import checked_model_file, read_model_file
+from selector.physics.vibration.vibration_model import VibrationModel, vibration_model
 from tests.physics.vibration.model_values import SMALL, changed
 
 LATHE = read_model_file(Path(__file__).resolve().parents[3] / "fixtures" / "vibration" / "lathe.toml")
 FILE = checked_model_file(SMALL)
+
+
+def parameters(file):
+    return VibrationModel(file).parameters
 
 
 def test_every_number_of_the_physics_has_unit_and_bounds_around_it():

@@ -31,7 +31,7 @@ from selector.physics.drive.file.model_schema import (
 )
 from selector.physics.drive.parts.axis import RigidMechanics
 from selector.physics.drive.trajectory import Reference, move_phases, moves, recorded, sine
-from selector.physics.model_fields import Fit, Number, Parameter, numbers_of, parameters_of, refusals
+from selector.physics.model_fields import Fit, Number, numbers_of, refusals
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Column,
@@ -291,13 +291,6 @@ def _of_length(file: DriveFile) -> Iterator[Contradiction]:
         yield from refusals(partial(planned, file), ("motion",), file.motion)
 
 
-FAMILY: ModelFamily[DriveFile] = ModelFamily(
-    "drive", KINDS, contradictions, page="docs/reference/drive-model.md", examples="fixtures/drive",
-    columns_needed=columns_needed, column_roles={"motion": "position_command", "motion.force_n": "force"},
-)  # fmt: skip
-#: The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`.
-read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
-
 _TURNING = {"kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad", "N": "N·m", "m/s": "rad/s", "m": "rad"}
 
 #: ``output`` of an axis in the model file → unit of what its control puts out; none where it is a mere number.
@@ -308,20 +301,15 @@ _OF_CRITICAL = 0.2
 _DRY = ("coulomb_n", "coulomb_negative_n", "static_n", "static_negative_n")
 
 
-def parameters(file: DriveFile) -> dict[str, Parameter]:
+def numbers(file: DriveFile) -> Iterator[Number]:
     """The physics of a feed drive as named numbers, those that are switched off included: friction, backlash, delay.
 
     Names are the keys of the file, also where the file leaves them out: ``axes.X.mechanics.mass_kg``,
     ``axes.X.friction.coulomb_n``, ``axes.X.servo.delay_s``, ``axes.X.ripple.1.cogging``. A key that follows another one
     while it is left out (`static_n`, `coulomb_negative_n`) has that value. Bounds are those of the fields, or what a
     machine of this mass could have: 0.3 of its weight of dry friction, damping that stops it in 0.1 s, a fifth of
-    critical damping in its springs; unless ``[bounds]`` says otherwise. Errors as `parameters_of`.
+    critical damping in its springs; unless ``[bounds]`` says otherwise.
     """
-    return parameters_of(file, numbers(file))
-
-
-def numbers(file: DriveFile) -> Iterator[Number]:
-    """Every number that is one of the `parameters`, with its place in the file."""
     for name, section in file.axes.items():
         made = file_axis(section)
         for one in _of_axis(made):
@@ -418,3 +406,12 @@ def _limit_from_mass(path: Key, made: FileAxis) -> float | None:
     if key == "axial_damping_ns_per_m":
         return 2.0 * _OF_CRITICAL * math.sqrt(mechanics.axial_stiffness_n_per_m * mass)
     return None
+
+
+FAMILY: ModelFamily[DriveFile] = ModelFamily(
+    "drive", KINDS, contradictions, page="docs/reference/drive-model.md", examples="fixtures/drive",
+    columns_needed=columns_needed, numbers=numbers,
+    column_roles={"motion": "position_command", "motion.force_n": "force"},
+)  # fmt: skip
+#: The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`.
+read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
