@@ -3,8 +3,6 @@
 from selector.findings import Kinds
 from selector.physics.finding_table import FINDINGS as SHARED_FINDINGS
 
-ONE_TESTED_SPEED = "one-tested-speed"
-
 FINDINGS = Kinds.beside(__file__)
 FINDINGS["input-not-recorded"] = SHARED_FINDINGS["input-not-recorded"]
 FINDINGS["output-not-recorded"] = SHARED_FINDINGS["output-not-recorded"]

@@ -131,12 +131,6 @@ def test_missing_readings_ramps_and_jitter_of_the_speed():
     assert fit.model.fastest_rpm == pytest.approx(2000.0, rel=0.001)  # mean of 1440 samples of 0.3 %
 
 
-def test_one_tested_speed_is_said():
-    rng = np.random.default_rng(8)
-    fit = choose_modes(recorded(two_modes(rng), rng, 0.1, 30.0, heat_and_cool((2000.0,))), RESPONSES)
-    assert "one-tested-speed" in ids(fit)
-
-
 def test_a_record_too_short_for_its_slow_mode_has_no_bound():
     rng = np.random.default_rng(9)
     machine = modal_machine((300, 40000), [[10, 10, 10], [40, 40, 40]], (1.2, 1.2))

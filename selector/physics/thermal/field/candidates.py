@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from selector.errors import OptionError
-from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks, surfaces
+from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks
 from selector.physics.thermal.field.geometry import surfaces as surfaces_of
 from selector.physics.thermal.field.machine import Sensor
 from selector.physics.thermal.field.mesh import SolidMesh, block_mesh
@@ -202,7 +202,7 @@ def machine_outline(geometry: MachineGeometry | None = None) -> tuple[Vector, ..
     """
     geometry = MachineGeometry() if geometry is None else geometry
     body = block_mesh(machine_blocks(geometry), COARSE_M)
-    outer = [facets for name, facets in surfaces(body, geometry).items() if not name.endswith(" inside")]
+    outer = [facets for name, facets in surfaces_of(body, geometry).items() if not name.endswith(" inside")]
     corners = np.asarray(body.mesh.facets)[:, np.concatenate(outer)].T
     places = body.nodes_m[corners]
     normal = np.argmin(np.ptp(places, axis=1), axis=1)

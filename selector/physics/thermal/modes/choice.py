@@ -39,13 +39,12 @@ def choice_findings(
     tried: Sequence[tuple[Fit, Vector]],
     tau_low_s: Vector,
     tau_high_s: Vector,
-    heldout_um: Vector,
     responses: Sequence[str],
 ) -> Iterator[Finding]:
     """Findings on the number of modes, their certainty, speeds, film and starts."""
     yield from _number_of_modes(fit, data, tried)
     yield from loose_findings(fit.tau_s, data, tau_low_s, tau_high_s)
-    yield from _speeds(fit, data)
+    yield from _speeds(data)
     if fit.spec.film == "growing":
         growth = float(np.trace(np.diag(np.exp(fit.theta[: fit.spec.n_modes])) @ fit.spec.films(fit.theta)[0]))
         yield FINDINGS.finding(
@@ -146,16 +145,10 @@ def loose_findings(tau_s: Vector, data: ModeData, low: Vector, high: Vector) -> 
         )
 
 
-def _speeds(fit: Fit, data: ModeData) -> Iterator[Finding]:
+def _speeds(data: ModeData) -> Iterator[Finding]:
+    """That two speeds were tested; what one speed leaves open depends on the duty cycle (`speed_findings`)."""
     levels = data.levels_rpm
-    if len(levels) == 1:
-        yield FINDINGS.finding(
-            "one-tested-speed",
-            f"Only {levels[0]:.0f} r/min was tested. Between it and standing, heat is assumed to grow with "
-            f"n^{float(fit.theta[fit.spec.n_modes]) if fit.spec.n_powers else fit.spec.level_exponent:.2g}.",
-            evidence={"levels_rpm": [float(n) for n in levels]},
-        )
-    elif len(levels) == 2:
+    if len(levels) == 2:
         yield FINDINGS.finding(
             "two-tested-speeds",
             f"Only {levels[0]:.0f} and {levels[1]:.0f} r/min were tested: speeds far from both are less certain.",
@@ -443,5 +436,5 @@ def _finished(
         heldout_um=heldout,
         left_out=left_out,
         warm=tuple(tests[run].run for run in fit.spec.free_starts),
-        findings=tuple(choice_findings(tests, data, fit, tried, low, high, heldout, responses)),
+        findings=tuple(choice_findings(tests, data, fit, tried, low, high, responses)),
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
-from selector.physics.thermal.finding_table import FINDINGS, ONE_TESTED_SPEED
+from selector.physics.thermal.finding_table import FINDINGS
 from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram, cyclogram_kind
 from selector.physics.thermal.modes.left_out_tests import AT_MOST, LeftOutTests
 from selector.physics.thermal.modes.modes import ModalModel
@@ -265,8 +265,7 @@ def _modal(ask: Asked) -> Answer:
     repeats = modal_repeats(ask.tests, fit.model, warm=fit.warm)
     findings = [
         *warm_start_findings(ask.tests, ask.responses),
-        # said already, about the speeds of this duty cycle
-        *(one for one in fit.findings if one.id != ONE_TESTED_SPEED),
+        *fit.findings,
         *longer_than_tests(ask.tests, cycle),
         *contradiction_findings(ask.tests, repeats, ask.responses),
     ]

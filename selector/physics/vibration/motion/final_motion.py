@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,9 +121,6 @@ def _starting_grid(low: float, high: float, loss_factor: float) -> Vector:
         return np.concatenate((np.linspace(low, begin, 5)[:-1], grid))
     grid[0] = low
     return grid
-
-
-Method = Literal["coupled", "chains"]
 
 
 @dataclass(frozen=True)
