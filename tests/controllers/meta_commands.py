@@ -145,6 +145,23 @@ def _name(first: str, rest: list[str]) -> tuple[tuple, list[str]]:
     return ("path", tuple(path)), rest
 
 
+@cache
+def split(text: str) -> tuple[tuple[int, str], ...]:
+    """(indent, code without its comment) of every line: a macro is run thousands of times and read once."""
+    return tuple(map(_split, text.split("\n")))
+
+
+def _split(line: str) -> tuple[int, str]:
+    bare = line.lstrip(" ")
+    code, in_quotes = [], False
+    for character in bare:
+        in_quotes ^= character == '"'
+        if character == ";" and not in_quotes:
+            break
+        code.append(character)
+    return len(line) - len(bare), "".join(code).rstrip()
+
+
 @dataclass
 class Axis:
     """What a program sees of an axis [mm]."""
@@ -179,11 +196,13 @@ class Duet:
 
     def run(self, name: str) -> None:
         """A macro."""
-        self.running(self, self.files[name]).all_lines()
+        with np.errstate(all="ignore"):
+            self.running(self, self.files[name]).all_lines()
 
     def console(self, line: str) -> None:
         """A line of a person."""
-        self.running(self, line).all_lines()
+        with np.errstate(all="ignore"):
+            self.running(self, line).all_lines()
 
     def of_model(self, path: list[Any]) -> Any:
         """A value of the object model."""
@@ -219,19 +238,8 @@ class Running:
     def __init__(self, duet: Duet, text: str) -> None:
         self.duet, self.blocks, self.skip_to = duet, [_Block(0)], None
         self.variables: dict[str, tuple[int, Any]] = {}
-        self.source = [self._split(line) for line in text.split("\n")]
+        self.source = split(text)
         self.at = 0
-
-    @staticmethod
-    def _split(line: str) -> tuple[int, str]:
-        bare = line.lstrip(" ")
-        code, in_quotes = [], False
-        for character in bare:
-            in_quotes ^= character == '"'
-            if character == ";" and not in_quotes:
-                break
-            code.append(character)
-        return len(line) - len(bare), "".join(code).rstrip()
 
     def all_lines(self) -> None:
         while True:
@@ -345,8 +353,7 @@ class Running:
 
     def value(self, text: str) -> Any:
         """Of an expression."""
-        with np.errstate(all="ignore"):
-            return self._of(parsed(text), evaluate=True)
+        return self._of(parsed(text), evaluate=True)
 
     def _of(self, tree: tuple, *, evaluate: bool) -> Any:
         kind = tree[0]
