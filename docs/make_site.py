@@ -10,13 +10,15 @@ order of links in docs/index.md, the pages of the Python API, the fields of the 
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import re
 import shutil
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
+
+from sphinx.cmd.build import main as build
 
 from docs.site_notebooks import notebook_page
 from docs.site_python import python_pages
@@ -28,8 +30,6 @@ FENCE = re.compile(r"(^(?:`{3,})[^`]*\n.*?^`{3,}$)", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s#]+)(#[^)\s]*)?\)")
 OTHERS = "project"
 """Folder of the site for pages and files that do not lie in docs/."""
-# millions of nodes of pages live to the end: the collector of garbage visits them a hundred times less often
-SPHINX = "import gc, sys; gc.set_threshold(100_000); from sphinx.cmd.build import main; sys.exit(main(sys.argv[1:]))"
 
 
 def main() -> int:
@@ -38,6 +38,8 @@ def main() -> int:
     parser.add_argument("site", type=Path, nargs="?", default=ROOT / "build" / "docs", metavar="FOLDER")
     parser.add_argument("--check", nargs="+", default=[], metavar="PAGE", help="pages that are written, without ending")
     asked = parser.parse_args()
+    # nodes of pages live to the end: collecting garbage takes a fifth of the time and saves a third of 0.9 GB
+    gc.disable()
     lay_out(_laid_out(asked.site))
     if not asked.check:
         return _sphinx(asked.site, "html")
@@ -55,12 +57,8 @@ def _sphinx(site: Path, builder: str, only: Sequence[str] = ()) -> int:
     pages = _laid_out(site)
     # that a site of some pages has no index for its search is a warning of Sphinx
     strict = [] if only else ["-W", "--keep-going"]
-    return subprocess.run(  # noqa: S603 (our own interpreter and arguments)
-        [sys.executable, "-c", SPHINX, *strict, "-q", "-b", builder, "-c", DOCS, "-d", f"{site}-doctrees", pages, site,
-         *(pages / f"{name}.md" for name in only)],
-        cwd=ROOT, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
-        check=False,
-    ).returncode  # fmt: skip
+    options = [*strict, "-q", "-b", builder, "-c", DOCS, "-d", f"{site}-doctrees"]
+    return build([str(word) for word in (*options, pages, site, *(pages / f"{name}.md" for name in only))])
 
 
 def lay_out(pages: Path) -> None:
