@@ -111,9 +111,9 @@ TAKEN = [
 
 
 @cache
-def called(which, rhythm):
+def called(which, rhythm, n=500, seed=5):
     """Calls of a model, and what the guard answers to them, whatever the control."""
-    rows = calls(MODELS[which], 500, 5, rhythm)
+    rows = calls(MODELS[which], n, seed, rhythm)
     return rows, reference_answers(with_decided_limits(MODELS[which]), rows)
 
 
@@ -131,11 +131,11 @@ def test_every_file_gives_what_it_has_to_give(target, which, rhythm):
 
 def test_allowed_is_small_where_no_dead_band_has_to_be_allowed_for():
     model = MODELS["steep"]
-    rows = calls(model, 1500, 5, "every second")
+    rows, whole = called("steep", "every second", 1500)
     largest = {"c": 0.02, "sinumerik": 0.0001, "beckhoff": 0.06, "fanuc": 1e-8, "st": 0.0, "python": 0.0}
     for target, allowed_um in largest.items():
         for part in TARGETS[target].parts:
-            allowed = part.allowed_um(with_decided_limits(model), rows, reference_answers(model, rows))
+            allowed = part.allowed_um(with_decided_limits(model), rows, whole)
             assert max(allowed.values()) <= allowed_um, part.file
 
 
@@ -168,22 +168,21 @@ MISTAKES = [
 def test_a_mistake_in_any_file_is_found(target, file, was, becomes):
     model = MODELS["steep"]
     # after a pause the macro waits, and nothing of it is seen
-    rows = calls(model, 6000, 1, "rarely") if target == "fanuc" else calls(model, 1500, 1, "any")
+    rows, whole = called("steep", "rarely", 6000, 1) if target == "fanuc" else called("steep", "any", 1500, 1)
 
     def mistaken(files):
         return files | {file: files[file].replace(was, becomes)}
 
     assert was in TARGETS[target].write(with_decided_limits(model)).files[file]
-    found, model = replayed_parts(target, model, rows, mistaken)
+    found, model = replayed_parts(target, model, rows, mistaken, whole)
     wrong = {one.file for one in differences(found, model) if not one.is_explained}
     # axis lists and table are one part
     assert wrong == {file.replace("temp_comp_1.lis", "temp_comp_ads.txt")}
 
 
 def test_a_control_that_tells_its_mode_is_asked():
-    model = MODELS["steep"]
-    rows = calls(model, 1500, 5, "every second")
-    (macro,), _ = replayed_parts("fanuc", model, rows)
+    rows, whole = called("steep", "every second", 1500)
+    (macro,), _ = replayed_parts("fanuc", MODELS["steep"], rows, whole=whole)
     # it falls back as the whole guard does
     assert 0.0 < np.mean(macro.answers.mode == 1) < 1.0
     assert set(macro.answers.mode.tolist()) >= {1, 2, 10}

@@ -41,34 +41,30 @@ def test_every_figure_is_drawn_and_the_console_is_silent(tmp_path):
     assert not said
 
 
-@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
-def test_a_table_is_copied_for_a_spreadsheet_and_pictures_are_smaller_on_paper(tmp_path):
-    sync_api = pytest.importorskip("playwright.sync_api")
+def test_a_table_is_copied_for_a_spreadsheet_and_pictures_are_smaller_on_paper(browser, tmp_path):
     path = write_report(studies.small(), tmp_path / "report.html", title="Study")
-    with sync_api.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        page = browser.new_page()
-        page.goto(path.as_uri())
-        page.evaluate(
-            "() => { window.was = []; "
-            "addEventListener('copy', (event) => window.was.push(event.clipboardData.getData('text/plain'))); }"
-        )
-        table = page.locator(".advice .scroll")
-        cells = ["=HYPERLINK(1)", "\u22121.5", "-1+1", "+2.5 %"]
-        page.evaluate(
-            "(texts) => { const row = document.querySelector('.advice .scroll table').rows[0];"
-            " texts.forEach((text) => { row.insertCell().textContent = text; }); }",
-            cells,
-        )
-        table.hover()
-        table.locator(".copy").click()
-        (copied,) = page.evaluate("window.was")
-        before = page.evaluate("[...document.querySelectorAll('.plot')].map((plot) => plot.offsetHeight)")
-        page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-        paper = page.evaluate("[...document.querySelectorAll('.plot')].map((plot) => plot.offsetHeight)")
-        page.evaluate("window.dispatchEvent(new Event('afterprint'))")
-        after = page.evaluate("[...document.querySelectorAll('.plot')].map((plot) => plot.offsetHeight)")
-        browser.close()
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    page.evaluate(
+        "() => { window.was = []; "
+        "addEventListener('copy', (event) => window.was.push(event.clipboardData.getData('text/plain'))); }"
+    )
+    table = page.locator(".advice .scroll")
+    cells = ["=HYPERLINK(1)", "\u22121.5", "-1+1", "+2.5 %"]
+    page.evaluate(
+        "(texts) => { const row = document.querySelector('.advice .scroll table').rows[0];"
+        " texts.forEach((text) => { row.insertCell().textContent = text; }); }",
+        cells,
+    )
+    table.hover()
+    table.locator(".copy").click()
+    (copied,) = page.evaluate("window.was")
+    before = page.evaluate("[...document.querySelectorAll('.plot')].map((plot) => plot.offsetHeight)")
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    paper = page.evaluate("[...document.querySelectorAll('.plot')].map((plot) => plot.offsetHeight)")
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    after = page.evaluate("[...document.querySelectorAll('.plot')].map((plot) => plot.offsetHeight)")
+    page.close()
     rows = [line.split("\t") for line in copied.split("\n")]
     assert rows[0][0] == "error of"
     assert [row[0] for row in rows[1:]] == ["Z", "Y"]
@@ -80,24 +76,20 @@ def test_a_table_is_copied_for_a_spreadsheet_and_pictures_are_smaller_on_paper(t
     assert sum(paper) < 0.95 * sum(before)
 
 
-@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
-def test_a_tall_picture_stands_on_the_first_page_and_nothing_prints_a_page_of_its_own(tmp_path):
+def test_a_tall_picture_stands_on_the_first_page_and_nothing_prints_a_page_of_its_own(browser, tmp_path):
     """An answer of two lines, a picture of 700 px, what is only good to know: a page with room for all of it."""
-    sync_api = pytest.importorskip("playwright.sync_api")
     tall = Drawing(go.Figure(go.Scatter(y=[1, 2]), {"title": "Tall", "margin": {"t": 60}, "height": 700}))
     rests_on = "What it rests on, in a sentence that needs more than one line. " * 3
     found = sections(section("seen", "Seen", tall), findings_section([Finding("gap", "info", "Good to know.")]))
     path = write_account(Account("Study", ("The answer.", *[rests_on] * 9), found), tmp_path / "page.html")
-    with sync_api.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        page = browser.new_page()
-        page.goto(path.as_uri())
-        page.locator(".main-svg").first.wait_for()
-        assert page.locator("#findings h2").is_visible()
-        printed = page.pdf(prefer_css_page_size=True)
-        page.emulate_media(media="print")
-        assert not page.locator("#findings h2").is_visible()
-        browser.close()
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    page.locator(".main-svg").first.wait_for()
+    assert page.locator("#findings h2").is_visible()
+    printed = page.pdf(prefer_css_page_size=True)
+    page.emulate_media(media="print")
+    assert not page.locator("#findings h2").is_visible()
+    page.close()
     assert printed.count(b"/Type /Page\n") == 1
 
 
@@ -117,20 +109,16 @@ _TOUCHING = """() => {
 }"""
 
 
-@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
-def test_long_names_of_runs_and_displacements_do_not_run_into_each_other(tmp_path):
-    sync_api = pytest.importorskip("playwright.sync_api")
+def test_long_names_of_runs_and_displacements_do_not_run_into_each_other(browser, tmp_path):
     names = ["Lauf 3 Wechsel 12:30", "Lauf 2 Stufen morgens und nachmittags mit Pause, Halle offen", *"ab"]
     found = long_named(names, "Verlagerung Spindel Z")
     path = write_report(found, tmp_path / "report.html")
-    with sync_api.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1280, "height": 900})
-        page.goto(path.as_uri())
-        on_screen = page.evaluate(_TOUCHING)
-        page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-        on_paper = page.evaluate(_TOUCHING)
-        browser.close()
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(path.as_uri())
+    on_screen = page.evaluate(_TOUCHING)
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    on_paper = page.evaluate(_TOUCHING)
+    page.close()
     assert on_screen == []
     assert on_paper == []
 

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import json
-import shutil
-
-import pytest
 
 from selector.workbench.bench import Bench
 from selector.workbench.commands import ball_bar_command
 from selector.workbench.server import started
 from tests.physics.drive.planted_circles import PlantedCircles
 
-api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 PATIENCE_MS = 120_000
 """Far more than any step takes on two busy cores."""
 
@@ -40,39 +35,36 @@ def test_the_command_says_what_was_asked_and_nothing_else(tmp_path):
     assert ball_bar_command(tmp_path, bench.ball_bar, files) == words
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
-def test_a_measured_file_goes_in_and_its_causes_come_out(tmp_path):
+def test_a_measured_file_goes_in_and_its_causes_come_out(browser, tmp_path):
     (tmp_path / "study").mkdir()
     bench = Bench((tmp_path / "study").resolve())
     file = PlantedCircles(5).write(tmp_path / "test of may.txt")
     server = started(bench)
     said: list[str] = []
     try:
-        with api.sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-            context = browser.new_context(viewport={"width": 1280, "height": 1000})
-            context.set_default_timeout(PATIENCE_MS)
-            page = context.new_page()
-            page.on("pageerror", lambda error: said.append(str(error)))
-            page.goto(server.access.address)
-            page.locator("#to-ballbar").click()
-            page.locator("#ballbar-start").click()
-            page.locator("#notice").get_by_text("No circles").wait_for()
-            with page.expect_file_chooser() as chooser:
-                page.get_by_role("button", name="Choose measured circles …").click()
-            chooser.value.set_files([str(file)])
-            page.locator("#command").get_by_text("circles/test of may.txt").wait_for()
-            page.locator("#ballbar-radius").fill("thin")
-            page.locator("#ballbar-start").click()
-            page.locator("#notice").get_by_text("“thin” was typed").wait_for()
-            page.locator("#ballbar-radius").fill("")
-            page.locator("#ballbar-lead").fill("X=10 Y=10")
-            page.locator("#ballbar-start").click()
-            page.locator("#ballbar-answer").get_by_role("link", name="Report", exact=True).wait_for()
-            frame = page.frame_locator("#ballbar-answer iframe")
-            frame.locator(".polar").first.wait_for()
-            frame.get_by_text("Through all feeds").first.wait_for()
-            browser.close()
+        context = browser.new_context(viewport={"width": 1280, "height": 1000})
+        context.set_default_timeout(PATIENCE_MS)
+        page = context.new_page()
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(server.access.address)
+        page.locator("#to-ballbar").click()
+        page.locator("#ballbar-start").click()
+        page.locator("#notice").get_by_text("No circles").wait_for()
+        with page.expect_file_chooser() as chooser:
+            page.get_by_role("button", name="Choose measured circles …").click()
+        chooser.value.set_files([str(file)])
+        page.locator("#command").get_by_text("circles/test of may.txt").wait_for()
+        page.locator("#ballbar-radius").fill("thin")
+        page.locator("#ballbar-start").click()
+        page.locator("#notice").get_by_text("“thin” was typed").wait_for()
+        page.locator("#ballbar-radius").fill("")
+        page.locator("#ballbar-lead").fill("X=10 Y=10")
+        page.locator("#ballbar-start").click()
+        page.locator("#ballbar-answer").get_by_role("link", name="Report", exact=True).wait_for()
+        frame = page.frame_locator("#ballbar-answer iframe")
+        frame.locator(".polar").first.wait_for()
+        frame.get_by_text("Through all feeds").first.wait_for()
+        context.close()
     finally:
         server.close()
     assert said == []

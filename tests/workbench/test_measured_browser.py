@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
-
-import pytest
 
 from selector.workbench.bench import Bench
 from selector.workbench.commands import prediction_command, taps_command
 from selector.workbench.server import started
 
-api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FIXTURES = Path(__file__).resolve().parents[2] / "fixtures"
 PATIENCE_MS = 120_000
 """Far more than any step takes on two busy cores."""
@@ -36,36 +31,33 @@ def test_the_commands_say_what_was_asked_and_nothing_else(tmp_path):
     assert asked[at : at + 6] == ("--readings", "recordings/day.csv", "--observe", "T1", "--observe", "T4")
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
-def test_a_tap_test_goes_in_and_joints_come_out(tmp_path):
+def test_a_tap_test_goes_in_and_joints_come_out(browser, tmp_path):
     (tmp_path / "study").mkdir()
     bench = Bench((tmp_path / "study").resolve())
     server = started(bench)
     said: list[str] = []
     try:
-        with api.sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-            context = browser.new_context(viewport={"width": 1280, "height": 1000})
-            context.set_default_timeout(PATIENCE_MS)
-            page = context.new_page()
-            page.on("pageerror", lambda error: said.append(str(error)))
-            page.goto(server.access.address)
-            page.locator("#to-taps").click()
-            page.locator("#taps-start").click()
-            page.locator("#notice").get_by_text("No taps").wait_for()
-            with page.expect_file_chooser() as chooser:
-                page.get_by_role("button", name="Choose measured taps …").click()
-            chooser.value.set_files([str(FIXTURES / "vibration" / "taps.uff")])
-            page.locator("#taps-files").click()
-            page.get_by_role("option", name="taps.uff").wait_for()
-            page.keyboard.press("Escape")
-            page.locator("#taps-model").click()
-            page.get_by_role("option", name="small-lathe").click()
-            page.locator("#taps-point").fill("2=workpiece 3=tool")
-            page.locator("#taps-start").click()
-            page.locator("#taps-answer").get_by_role("link", name="Fitted model file").wait_for()
-            page.frame_locator("#taps-answer iframe").get_by_text("tool").first.wait_for()
-            browser.close()
+        context = browser.new_context(viewport={"width": 1280, "height": 1000})
+        context.set_default_timeout(PATIENCE_MS)
+        page = context.new_page()
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(server.access.address)
+        page.locator("#to-taps").click()
+        page.locator("#taps-start").click()
+        page.locator("#notice").get_by_text("No taps").wait_for()
+        with page.expect_file_chooser() as chooser:
+            page.get_by_role("button", name="Choose measured taps …").click()
+        chooser.value.set_files([str(FIXTURES / "vibration" / "taps.uff")])
+        page.locator("#taps-files").click()
+        page.get_by_role("option", name="taps.uff").wait_for()
+        page.keyboard.press("Escape")
+        page.locator("#taps-model").click()
+        page.get_by_role("option", name="small-lathe").click()
+        page.locator("#taps-point").fill("2=workpiece 3=tool")
+        page.locator("#taps-start").click()
+        page.locator("#taps-answer").get_by_role("link", name="Fitted model file").wait_for()
+        page.frame_locator("#taps-answer iframe").get_by_text("tool").first.wait_for()
+        context.close()
     finally:
         server.close()
     assert said == []

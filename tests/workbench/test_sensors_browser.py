@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-
 import pytest
 
 from selector.readers import machine as machine_file
@@ -12,8 +10,6 @@ from selector.workbench.server import started
 from tests.workbench import studies
 
 api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
 
 PATIENCE_MS = 300_000
 """The first search may have to be compiled."""
@@ -43,14 +39,6 @@ def bench(tmp_path):
     folder.mkdir()
     files = studies.written(recordings)
     return Bench(folder.resolve(), files, recordings / "machine.toml")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with api.sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture

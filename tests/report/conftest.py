@@ -1,0 +1,3 @@
+"""Pages are tried in one browser."""
+
+from tests.chromium import browser as browser
