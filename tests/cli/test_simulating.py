@@ -14,7 +14,7 @@ import pytest
 from selector.cli import exit_status
 from selector.readers import read
 from selector.telling import page as telling_page
-from tests.interruptible import interrupted_in
+from tests.interruptible import exit_status_interrupted_in
 
 ROOT = Path(__file__).resolve().parents[2]
 # candidates.toml is simulated by tests/scenarios/test_placement_job.py, c-frame.toml by the page of models of machines,
@@ -320,13 +320,14 @@ def test_for_people(folder, capfd):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process in another way there")
-def test_ctrl_c_leaves_nothing_behind(folder):
+def test_ctrl_c_leaves_nothing_behind(folder, capfd):
     text = ONE_NODE.replace("duration_min = 30", "duration_min = 900000\nperiod_s = 60\nstep_s = 60")
     slow = text.replace("speed_w = 100.0", 'speed_w = 100.0\nsoftening_per_k = 0.01\nat = "block"')
     Path("slow.toml").write_text(slow, encoding="utf-8")
     before = sorted(path.name for path in folder.iterdir())
-    work = interrupted_in("simulate_heat", "simulate", "thermal", "slow.toml", "--out", "run.csv")
-    assert work.returncode == 130, work.stderr
-    assert work.stdout == ""
-    assert "Nothing" in work.stderr
+    capfd.readouterr()
+    assert exit_status_interrupted_in("simulate_heat", "simulate", "thermal", "slow.toml", "--out", "run.csv") == 130
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert "Nothing" in err
     assert sorted(path.name for path in folder.iterdir()) == before

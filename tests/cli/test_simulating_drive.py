@@ -15,7 +15,7 @@ import pytest
 
 from selector.cli import exit_status
 from selector.readers import read
-from tests.interruptible import interrupted_in
+from tests.interruptible import exit_status_interrupted_in
 
 ROOT = Path(__file__).resolve().parents[2]
 # those whose courses are recordings beside them run where they are
@@ -365,14 +365,15 @@ def test_a_course_from_a_file_beside_the_model(folder, capfd):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process in another way there")
-def test_ctrl_c_leaves_nothing_behind(folder):
+def test_ctrl_c_leaves_nothing_behind(folder, capfd):
     text = RIGID.replace("dwell_s = 0.1", "dwell_s = 40.0\nrepeat = 20").replace("period_s = 0.001", "step_s = 1e-4")
     Path("slow.toml").write_text(text, encoding="utf-8")
     before = sorted(path.name for path in folder.iterdir())
-    work = interrupted_in("simulate_axis", "simulate", "drive", "slow.toml", "--out", "run.csv")
-    assert work.returncode == 130, work.stderr
-    assert work.stdout == ""
-    assert "Nothing" in work.stderr
+    capfd.readouterr()
+    assert exit_status_interrupted_in("simulate_axis", "simulate", "drive", "slow.toml", "--out", "run.csv") == 130
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert "Nothing" in err
     assert sorted(path.name for path in folder.iterdir()) == before
 
 

@@ -16,7 +16,7 @@ import pytest
 from selector.cli import exit_status
 from selector.physics.gauging import gauging_summary
 from selector.readers import read
-from tests.interruptible import interrupted_in
+from tests.interruptible import exit_status_interrupted_in
 from tests.physics.gauging.quick_trials import shorten_trials
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -314,15 +314,16 @@ def test_nothing_foreign_is_replaced(folder, capfd):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process in another way there")
-def test_ctrl_c_leaves_nothing_behind(folder):
+def test_ctrl_c_leaves_nothing_behind(folder, capfd):
     # 80 million samples of parts
     text = LINE.replace("parts = 3", "parts = 100000\nperiod_s = 0.01")
     Path("slow.toml").write_text(text, encoding="utf-8")
     before = sorted(path.name for path in folder.iterdir())
-    work = interrupted_in("finished_sizes", "simulate", "gauging", "slow.toml", "--out", "parts")
-    assert work.returncode == 130, work.stderr
-    assert work.stdout == ""
-    assert "Nothing" in work.stderr
+    capfd.readouterr()
+    assert exit_status_interrupted_in("finished_sizes", "simulate", "gauging", "slow.toml", "--out", "parts") == 130
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert "Nothing" in err
     assert sorted(path.name for path in folder.iterdir()) == before
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from selector.cli import exit_status
 from selector.readers import read
-from tests.interruptible import interrupted_in
+from tests.interruptible import exit_status_interrupted_in
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "fixtures" / "vibration").glob("*.toml"))
@@ -306,7 +306,7 @@ def test_nothing_foreign_is_replaced(folder, capfd):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process in another way there")
-def test_ctrl_c_leaves_nothing_behind(folder):
+def test_ctrl_c_leaves_nothing_behind(folder, capfd):
     # 200 lines that follow a shaft through two million samples
     lines = ", ".join(f"{{ order = {1.0 + k / 100}, force_n = 1.0 }}" for k in range(200))
     text = TURNED.replace("duration_s = 0.5", "duration_s = 900.0").replace(
@@ -315,8 +315,9 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     text = text.replace("rpm = 600.0", "rpm = [[0.0, 600.0], [900.0, 900.0]]")
     Path("slow.toml").write_text(text, encoding="utf-8")
     before = sorted(path.name for path in folder.iterdir())
-    work = interrupted_in("run_up", "simulate", "vibration", "slow.toml", "--out", "run.csv")
-    assert work.returncode == 130, work.stderr
-    assert work.stdout == ""
-    assert "Nothing" in work.stderr
+    capfd.readouterr()
+    assert exit_status_interrupted_in("run_up", "simulate", "vibration", "slow.toml", "--out", "run.csv") == 130
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert "Nothing" in err
     assert sorted(path.name for path in folder.iterdir()) == before
