@@ -28,7 +28,6 @@ PAGES: tuple[Page, ...] = (
 )
 _LOOK = "/look.css"  #: The style sheet of the reports, which the page begins with.
 
-_LOOK_MS = 700
 _NOTICED = "noticed"  #: Store: the revision of the bench at which the notice was said; a later one takes it away.
 
 _SHOWN_RESULTS = (".html", ".json", ".toml", ".csv", ".txt")
@@ -68,9 +67,8 @@ def _frame(bench: Bench) -> Component:
     unseen = [
         dcc.Location(id="address", refresh=False),
         dcc.Store(id=parts.REVISION, data=bench.revision),
-        *(dcc.Store(id=name, data=-1) for name in ("tick", _NOTICED)),
+        *(dcc.Store(id=name, data=-1) for name in ("look", "tick", _NOTICED)),
         dcc.Store(id=parts.AWAITED, data=None),
-        dcc.Interval(id="look", interval=_LOOK_MS),
     ]
     head = [
         html.Div([html.Strong("selector"), " workbench"], title=f"selector {__version__}"),
@@ -105,7 +103,7 @@ def _register(app: dash.Dash, bench: Bench) -> None:
         Output(parts.REVISION, "data"),
         Output("tick", "data"),
         Output("status", "children"),
-        Input("look", "n_intervals"),
+        Input("look", "data"),
         State(parts.REVISION, "data"),
         State("tick", "data"),
         # otherwise the first calls of all that hear of the revision would wait for this one, and be dropped with it
@@ -183,6 +181,8 @@ def _said(bench: Bench, error: Exception) -> None:
 
 
 def _add_routes(server: flask.Flask, bench: Bench) -> None:
+    server.add_url_rule("/beat", "beat", lambda: f"{bench.revision} {bench.jobs.ticks} {bench.is_reading}")
+
     @server.get(_LOOK)
     def _look() -> flask.Response:
         return flask.send_file(TEMPLATES / "page.css", mimetype="text/css")

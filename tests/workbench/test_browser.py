@@ -259,6 +259,22 @@ def test_a_wrong_file_says_why_and_the_others_stay_and_one_that_is_dropped_joins
     assert (study / "recordings" / "día 1.csv").read_bytes() == (PATENT / "recording.csv").read_bytes()
 
 
+def test_a_page_at_rest_asks_for_the_beat_alone_and_hears_of_a_change(page, bench):
+    """Dash goes through the whole page at whatever is set in it: a fifth of a processor at every beat."""
+    asked = []
+    page.on("request", lambda one: asked.append(one.url.rpartition("/")[2]))
+    for _ in range(100):  # until what the first look has set off is over
+        asked.clear()
+        for _ in range(3):
+            with page.expect_request("**/beat"):
+                pass
+        if set(asked) == {"beat"}:
+            break
+    assert set(asked) == {"beat"}
+    with page.expect_request("**/_dash-update-component*"):
+        bench.changed()
+
+
 def test_names_are_text(page, bench, tmp_path):
     bad = [
         "<img src=x onerror=alert(1)>", "=cmd|' /C calc'!A0", "<script>alert(2)</script>", "+1", "**T**",

@@ -31,8 +31,23 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
 });
 
 (() => {
-  // the server looks at the bench at once, instead of at its next beat
-  const look = () => window.dash_clientside.set_props("look", { n_intervals: Date.now() });
+  // the server looks at the bench at once, instead of after the next beat
+  const look = () => window.dash_clientside.set_props("look", { data: Date.now() });
+
+  // Whatever is set in the page, all of its parts are asked whether that changes them: a beat goes there when the bench
+  // has become another one, and now and then, since an answer may be lost
+  let known = null, beats = 0;
+  const beat = async () => {
+    const answer = await fetch("/beat").catch(() => null);
+    const now = answer && answer.ok ? await answer.text() : known;
+    beats += 1;
+    if (document.getElementById("workbench") && (now !== known || beats % 15 === 0)) {
+      known = now;
+      look();
+    }
+    setTimeout(beat, 700);
+  };
+  setTimeout(beat, 700);
 
   // what could not be done on one page is no notice of the next; here, since the server's answer may come after a
   // refusal on the new page
