@@ -1,0 +1,15 @@
+"""Names of channels that are longer than a column."""
+
+from selector.telling.account import Account, captioned, section, sections, table
+from selector.telling.page import write_account
+
+
+def test_long_names_in_tables_may_be_broken_behind_an_underscore_and_stay_texts(tmp_path):
+    long = "Spindelstock_<b>_Hauptlager_Aussenring_Messstelle_A1"
+    told = table(["sensor", ">value"], [("T_1", 1.0), (long, 2.0)])
+    write_account(
+        Account("A result", (), sections(section("s", "Sensors", captioned("", told)))), tmp_path / "page.html"
+    )
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert ">Spindelstock_<wbr>&lt;b&gt;_<wbr>Hauptlager_<wbr>Aussenring_<wbr>Messstelle_<wbr>A1<" in page
+    assert ">T_1<" in page
