@@ -91,6 +91,7 @@ class Plan:
     tolerated: tuple[str, ...] = ()
     size: float = 0.0
     lost: float = 0.0
+    is_true: bool = True  #: The simulation lacks nothing but the effect and what recalibration takes in
     note: str = ""
 
     def __post_init__(self) -> None:
@@ -368,7 +369,9 @@ def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: fl
         for name in world.responses
     }
     whole = replace(plan, kind="clean", verdicts=(), tolerated=()) if wanted == 0.0 else plan
-    concealed: tuple[Concealment, ...] = (concealment.faithful(strength.detected(strength.off.missing)),)
+    concealed: tuple[Concealment, ...] = ()
+    if plan.is_true:
+        concealed += (concealment.faithful(strength.detected(strength.off.missing)),)
     truth = Truth(whole.verdicts, (), whole.tolerated, None, concealed, held_out)
     if size:
         alone = {name: strength.detected({name: course}) for name, course in courses.items()}

@@ -40,7 +40,7 @@ _WANDERERS = tuple(
     )
     for k, place in enumerate(("window frame", "tool magazine", "lamp", "pallet changer", "chip bin", "operator panel"))
 )
-_NO_NAME: dict[str, Any] = {"verdicts": ("nothing-missing", "miscalibrated", "unexplained")}
+_NO_NAME: dict[str, Any] = {"verdicts": ("nothing-missing", "miscalibrated", "unexplained"), "is_true": False}
 _CASES = (
     _clean("white", "White noise.", noise="white"),
     _clean("ar", "AR(1) noise, 0.85 from sample to sample.", noise="ar"),

@@ -200,10 +200,11 @@ def as_carried(effect: NamedEffect, found: Search) -> NamedEffect:
 
 def is_like_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> bool:
     """Whether parameters of a simulation of heat that are a few per cent off make such a course of an effect, too."""
+    if effect.id not in _LIKE_PARAMETERS:
+        return False
     fitted = found.benches[effect.channel].fitted
     moved = float(np.nanstd(comparison.recorded[effect.channel][fitted]))
-    course = effect.courses[effect.channel][fitted]
-    return effect.id in _LIKE_PARAMETERS and float(np.std(course)) < _OF_PARAMETERS * moved
+    return float(np.std(effect.courses[effect.channel][fitted])) < _OF_PARAMETERS * moved
 
 
 def or_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> NamedEffect:
