@@ -238,7 +238,7 @@ def test_a_ball_bar_test_is_a_folder_of_runs_with_its_quantities_and_causes(fold
 
 
 def test_for_people(folder, capfd):
-    assert exit_status(["simulate", "drive", "model.toml", "--out", "run.csv"]) == 0
+    assert exit_status(["simulate", "drive", "model.toml", "--out", "run.csv", "--all"]) == 0
     out, err = capfd.readouterr()
     for text in ("a slide", "is off its command", "Tracking error", "bandwidth", "µm", "--machine run.machine.toml"):
         assert text in out

@@ -232,7 +232,7 @@ def test_recorded_allowances_drive_the_gauge_and_what_it_showed_is_laid_beside(f
 
 
 def test_for_people(folder, capfd):
-    assert exit_status(["simulate", "gauging", "model.toml", "--out", "parts"]) == 0
+    assert exit_status(["simulate", "gauging", "model.toml", "--out", "parts", "--all"]) == 0
     out, err = capfd.readouterr()
     for text in (
         "a gauge as a line", "than wanted on average", "Finished sizes", "Monte Carlo, 2000 parts",

@@ -224,7 +224,7 @@ def test_recorded_speeds_drive_it_and_what_was_recorded_is_laid_beside_it(folder
 
 
 def test_for_people(folder, capfd):
-    assert exit_status(["simulate", "vibration", "model.toml", "--out", "run.csv"]) == 0
+    assert exit_status(["simulate", "vibration", "model.toml", "--out", "run.csv", "--all"]) == 0
     out, err = capfd.readouterr()
     for text in (
         "a small lathe", "Modes of the coupled structure", "Lines of the sources", "16 combinations", "Height by kind",
