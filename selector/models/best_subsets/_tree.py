@@ -168,187 +168,139 @@ def expand(gram: Any, cross: Any, size: int, tree: Any, slot: int, w: Any, best_
 
     What is to be opened stands in the scratch: the state in CURRENT, the shares in Y, bounds in OUTCOME.
     """
+    big = w.matrices[WHOLE]
+    pm = w.matrices[PM]
+    wm = w.matrices[M]
+    inv = w.matrices[INV]
+    diagonal = w.vectors[DIAGONAL]
+    wz = w.vectors[Z]
+    u = w.vectors[U]
+    h = w.vectors[H]
+    wx = w.vectors[X]
+    wy = w.vectors[Y]
+    ranking = w.integers[RANKING]
+    order = w.integers[ORDER]
+    free = w.integers[FREE_COLUMNS]
+    chosen = w.integers[CHOSEN]
     current = w.states[CURRENT]
-    bound = tree.bound[slot]
+    p = gram.shape[0]
+    n = tree.counters
+    bound0 = tree.bound[slot]
     threshold = best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14
-    if bound >= threshold:
+    if bound0 >= threshold:
         return CLOSED
-    for j in range(current.size):
+    for j in range(p):
         current[j] = tree.state[slot, j]
-    tree.counters[NODES] += 1
-    kept, total, r = _beside_kept(gram, cross, tree, w)
+    n[NODES] += 1
+    kept = COUNT(0)
+    for j in range(p):
+        if current[j] == KEPT:
+            order[kept] = j
+            kept += 1
+    total = kept
+    for j in range(p):
+        if current[j] == FREE:
+            order[total] = j
+            total += 1
     a = size - kept
     if a < 0 or a > total - kept:
         return CLOSED
-    t, null = _gather_free(w, kept, total)
-    if null >= 0 and a > 0:
-        if best_rss.size > 1:
-            return _carried(tree, w, slot, null, bound)
-        a = _settled(w, kept, total, t, a)
-    if _is_enumerated(gram, cross, tree, w, best_rss, best_state, t, a, r):
-        return CLOSED
-    dependent = _start(tree, slot, w, t)
-    bound, now, fixed = _solved(gram, cross, tree, w, best_rss, best_state, t, a, r, bound, dependent)
-    if fixed < 0:
-        return CLOSED
-    if dependent >= 0 and current[dependent] == FREE:
-        return _carried(tree, w, slot, dependent, bound)
-    tree.counters[WORK] -= t * t * t // 3
-    inverse_after_elimination(w.matrices[M], t + 1, t, w.matrices[INV])
-    return _chosen(w, t, a, bound, now, fixed)
-
-
-@kernel
-def _beside_kept(gram: Any, cross: Any, tree: Any, w: Any) -> Any:
-    """Cross-products of all columns of a node beside the kept ones, in WHOLE: kept ones first, then free ones (ORDER).
-
-    Returns how many are kept, how many are kept or free, and the RSS of the kept ones.
-    """
-    big = w.matrices[WHOLE]
-    current = w.states[CURRENT]
-    order = w.integers[ORDER]
-    kept = COUNT(0)
-    total = COUNT(0)
-    for state in (KEPT, FREE):
-        kept = total
-        for j in range(current.size):
-            if current[j] == state:
-                order[total] = j
-                total += 1
     stride = total + 1
     gather(gram, cross, order, total, big, stride)
     eliminate(big, stride, total, total + 1, kept, PIVOT_TOLERANCE)
-    tree.counters[WORK] -= total * total * (kept + 3) // 2
+    n[WORK] -= total * total * (kept + 3) // 2
     r = 1.0
     for j in range(kept):
         d = big[j * stride + j]
         if d > 0.0:
             r -= big[j * stride + total] ** 2 / d
-    return kept, total, r
-
-
-@kernel
-def _gather_free(w: Any, kept: int, total: int) -> Any:
-    """Free columns (FREE_COLUMNS) and their cross-products (PM) without those that depend on the kept ones.
-
-    Returns how many there are, and the first that depends (or -1).
-    """
-    big = w.matrices[WHOLE]
-    pm = w.matrices[PM]
-    order = w.integers[ORDER]
-    chosen = w.integers[CHOSEN]
-    stride = total + 1
+    # columns that depend on the kept ones bring nothing
     t = COUNT(0)
     null = COUNT(-1)
+    nulls = 0
     for i in range(kept, total):
         if big[i * stride + i] > PIVOT_TOLERANCE:
-            w.integers[FREE_COLUMNS, t] = order[i]
+            free[t] = order[i]
             chosen[t] = i
             t += 1
-        elif null < 0:
-            null = order[i]
+        else:
+            nulls += 1
+            if null < 0:
+                null = order[i]
+    if nulls > 0 and a > 0:
+        if best_rss.size > 1:
+            return _carried(tree, w, slot, null, bound0)
+        spare = max(0, a - t)
+        for i in range(kept, total):
+            if big[i * stride + i] <= PIVOT_TOLERANCE:
+                current[order[i]] = KEPT if spare > 0 else DROPPED
+                spare -= 1
+        a = min(a, t)
+    sp = t + 1
     for i in range(t):
-        row = chosen[i] * stride
+        ki = chosen[i]
         for e in range(i, t):
-            pm[i * (t + 1) + e] = big[row + chosen[e]]
-        pm[i * (t + 1) + t] = big[row + total]
-    return t, null
-
-
-@kernel
-def _settled(w: Any, kept: int, total: int, t: int, a: int) -> int:
-    """How many of the t others are still to be kept: columns that bring nothing fill the set up, or are dropped."""
-    big = w.matrices[WHOLE]
-    spare = max(0, a - t)
-    for i in range(kept, total):
-        if big[i * (total + 1) + i] <= PIVOT_TOLERANCE:
-            w.states[CURRENT, w.integers[ORDER, i]] = KEPT if spare > 0 else DROPPED
-            spare -= 1
-    return min(a, t)
-
-
-@kernel
-def _is_enumerated(
-    gram: Any, cross: Any, tree: Any, w: Any, best_rss: Any, best_state: Any, t: int, a: int, r: float
-) -> bool:
-    """Whether so few columns are to be kept, or to be dropped, that every choice was offered."""
-    pm = w.matrices[PM]
-    inv = w.matrices[INV]
-    if a <= 2 or a == t:
-        tree.counters[WORK] -= t * t
-        enumerate_leaves(gram, cross, best_rss, best_state, w, pm, t + 1, t, COUNT(0) if a == t else a, r, a < t)
-        return True
-    if t - a > 2 or not inverse(pm, t + 1, t, w.matrices[M], w.vectors[X], inv):
-        return False
-    tree.counters[WORK] -= t * t * (t + 1)
-    for j in range(t):
-        r -= inv[j * (t + 1) + t] * pm[j * (t + 1) + t]
-    enumerate_leaves(gram, cross, best_rss, best_state, w, inv, t + 1, t, t - a, r, False)
-    return True
-
-
-@kernel
-def _start(tree: Any, slot: int, w: Any, t: int) -> int:
-    """Shares and D to begin with; the first free column that depends on others, where that leaves no D anew (or -1)."""
-    free = w.integers[FREE_COLUMNS]
-    wm = w.matrices[M]
-    diagonal = w.vectors[DIAGONAL]
+            pm[i * sp + e] = big[ki * stride + chosen[e]]
+        pm[i * sp + t] = big[ki * stride + total]
+    leaf = a <= 2
+    few = a
+    which = PM
+    keep = True
+    if not leaf and t - a <= 2 and inverse(pm, sp, t, wm, wx, inv):
+        n[WORK] -= t * t * t
+        leaf = True
+        few = t - a
+        which = INV
+        keep = False
+        for j in range(t):
+            r -= inv[j * sp + t] * pm[j * sp + t]
+    if leaf or a == t:
+        if a == t:
+            few = COUNT(0)
+            keep = False
+        n[WORK] -= t * t
+        enumerate_leaves(gram, cross, best_rss, best_state, w, w.matrices[which], sp, t, few, r, keep)
+        return CLOSED
     for j in range(t):
         diagonal[j] = tree.diagonal[slot, free[j]]
-        w.vectors[Z, j] = max(tree.share[slot, free[j]], 1e-4)
-        w.integers[RANKING, j] = j
-    if diagonal[:t].min() > 0.0:
-        return COUNT(-1)
-    tree.counters[WORK] -= 10 * t * t * t
-    if inverse_diagonal(w.matrices[PM], t + 1, t, wm, w.vectors[X], w.vectors[Y], w.matrices[INV], diagonal):
-        return COUNT(-1)
+        wz[j] = max(tree.share[slot, free[j]], 1e-4)
+        ranking[j] = j
     dependent = COUNT(-1)
-    for j in range(t):
-        diagonal[j] = tree.diagonal[slot, free[j]]
-        if wm[j * (t + 1) + j] <= 0.0 and dependent < 0:
-            dependent = free[j]
-    return dependent
-
-
-@kernel
-def _solved(
-    gram: Any,
-    cross: Any,
-    tree: Any,
-    w: Any,
-    best_rss: Any,
-    best_state: Any,
-    t: int,
-    a: int,
-    r: float,
-    bound: float,
-    dependent: int,
-) -> Any:
-    """The best bound of the solves of a node, the last one, and how many columns they fixed; -1 if it is closed."""
-    pm = w.matrices[PM]
-    wm = w.matrices[M]
-    diagonal = w.vectors[DIAGONAL]
-    z = w.vectors[Z]
-    u = w.vectors[U]
-    h = w.vectors[H]
-    n = tree.counters
-    threshold = best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14
-    now = bound
+    if diagonal[:t].min() <= 0.0:
+        n[WORK] -= 10 * t * t * t
+        if not inverse_diagonal(pm, sp, t, wm, wx, wy, inv, diagonal):
+            for j in range(t):
+                diagonal[j] = tree.diagonal[slot, free[j]]
+                if wm[j * sp + j] <= 0.0 and dependent < 0:
+                    dependent = free[j]
+    bound = bound0
+    now = bound0
     last = -np.inf
     settled = -np.inf
     fixed = COUNT(0)
     for solve in range(MAX_SOLVES):
-        spread_shares(z, t, a)
-        now = relax(pm, t + 1, t, a, r, diagonal, z, wm, u, h, w.integers[RANKING])
+        spread_shares(wz, t, a)
+        now = relax(pm, sp, t, a, r, diagonal, wz, wm, u, h, ranking)
         n[WORK] -= t * t * (t + 12) // 6
         bound = max(bound, now)
         if now >= threshold:
-            return bound, now, COUNT(-1)
-        fixed += _fixed(w, t, a, now, threshold)
+            return CLOSED
+        least_in = h[ranking[a - 1]]
+        most_out = h[ranking[a]]
+        for j in range(t):
+            column = free[j]
+            if current[column] == FREE:
+                if h[j] <= most_out:
+                    if now + least_in - h[j] >= threshold:
+                        current[column] = DROPPED
+                        fixed += 1
+                elif now + h[j] - most_out >= threshold:
+                    current[column] = KEPT
+                    fixed += 1
         if a == 3 and solve == 1 and 5 * fixed <= t:
             n[WORK] -= t * t * t // 6
-            enumerate_triples(gram, cross, best_rss, best_state, w, pm, t + 1, t, r)
-            return bound, now, COUNT(-1)
+            enumerate_triples(gram, cross, best_rss, best_state, w, pm, sp, t, r)
+            return CLOSED
         if 5 * fixed > t or solve == MAX_SOLVES - 1:
             break
         if now - last < MIN_PROGRESS * (threshold - now):
@@ -356,37 +308,17 @@ def _solved(
                 break
             settled = now
             n[WORK] -= t * t * (t + 12)
-            each = BARRIER * (threshold - now) / t
-            x, y = w.vectors[X], w.vectors[Y]
-            if not raised(pm, t + 1, t, diagonal, z, u, each, wm, w.matrices[WHOLE], w.matrices[INV], x, y):
+            if not raised(pm, sp, t, diagonal, wz, u, BARRIER * (threshold - now) / t, wm, big, inv, wx, wy):
                 break
             last = -np.inf
         last = max(last, now)
         for j in range(t):
-            z[j] = max(z[j] * np.sqrt(h[j] * np.sqrt(h[j])), 1e-150)
-    return bound, now, fixed
-
-
-@kernel
-def _fixed(w: Any, t: int, a: int, now: float, threshold: float) -> int:
-    """Keep or drop every free column that the bound would reach the threshold without or with; how many."""
-    current = w.states[CURRENT]
-    h = w.vectors[H]
-    least_in = h[w.integers[RANKING, a - 1]]
-    most_out = h[w.integers[RANKING, a]]
-    fixed = COUNT(0)
-    for j in range(t):
-        column = w.integers[FREE_COLUMNS, j]
-        if current[column] != FREE:
-            continue
-        if h[j] <= most_out:
-            if now + least_in - h[j] >= threshold:
-                current[column] = DROPPED
-                fixed += 1
-        elif now + h[j] - most_out >= threshold:
-            current[column] = KEPT
-            fixed += 1
-    return fixed
+            wz[j] = max(wz[j] * np.sqrt(h[j] * np.sqrt(h[j])), 1e-150)
+    if dependent >= 0 and current[dependent] == FREE:
+        return _carried(tree, w, slot, dependent, bound)
+    n[WORK] -= t * t * t // 3
+    inverse_after_elimination(wm, sp, t, inv)
+    return _chosen(w, t, a, bound, now, fixed)
 
 
 @kernel
