@@ -211,7 +211,8 @@ def or_parameters(comparison: Comparison, found: Search, effect: NamedEffect) ->
     """The effect no surer than half where wrong parameters do the same, and told so."""
     if not is_like_parameters(comparison, found, effect):
         return effect
-    statement = f"{effect.statement} Parameters of the simulation that are a few per cent off do the same."
+    also = ", as parameters of the simulation that are a few per cent off would do, too."
+    statement = effect.statement.removesuffix(".") + also
     return replace(effect, statement=statement, confidence=min(effect.confidence, _HALF))
 
 
