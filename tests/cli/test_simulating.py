@@ -312,7 +312,7 @@ def test_a_run_shorter_than_a_period_is_refused(folder, capfd):
 
 
 def test_for_people(folder, capfd):
-    assert exit_status(["simulate", "thermal", "model.toml", "--out", "run.csv"]) == 0
+    assert exit_status(["simulate", "thermal", "model.toml", "--out", "run.csv", "--all"]) == 0
     out, err = capfd.readouterr()
     for text in ("Simulation: one node", "warms most", "T1", "highest", "--machine run.machine.toml"):
         assert text in out

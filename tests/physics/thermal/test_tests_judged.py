@@ -44,7 +44,7 @@ def test_nothing_is_told_of_good_tests(tests):
     assert list(movement_findings(tests, RESPONSES)) == []
     assert list(warm_start_findings(tests, RESPONSES)) == []
     assert list(contradiction_findings(tests, repeats(tests, [0.2, 0.3, 0.2]), RESPONSES)) == []
-    assert list(speed_findings(tests, of_segments((60, 1000), (60, 0)))) == []
+    assert [f.id for f in speed_findings(tests, of_segments((60, 1000), (60, 0)))] == ["no-speed-tested-twice"]
 
 
 @pytest.mark.parametrize("level", [0.0, 5.3])
@@ -97,9 +97,9 @@ def test_speeds_that_the_tests_say_little_about(tests):
     assert [f.id for f in speed_findings(tests[2:], other)] == ["one-speed-tested"]
     assert list(speed_findings(tests[2:], of_segments((60, 2000), (60, 0)))) == []
     slow = list(speed_findings(tests, of_segments((60, 1.5))))
-    assert [f.id for f in slow] == ["slower-than-tests"]
-    assert "1.5 r/min" in slow[0].statement
-    assert "800 r/min" in slow[0].statement
+    assert [f.id for f in slow] == ["no-speed-tested-twice", "slower-than-tests"]
+    assert "1.5 r/min" in slow[1].statement
+    assert "800 r/min" in slow[1].statement
 
 
 def test_tests_without_any_cooling(tests):
