@@ -73,7 +73,7 @@ def test_what_makes_the_unseen_error_larger_is_not_named(slow, unseen, is_none):
     assert gains_nothing(made, named_effect(made, result, "thermal.memory"), result) == is_none
 
 
-@pytest.mark.parametrize(("of_movement", "is_like"), [(0.05, True), (0.2, False)])
+@pytest.mark.parametrize(("of_movement", "is_like"), [(0.1, True), (0.4, False)])
 def test_what_wrong_parameters_do_as_well_is_half_sure_and_says_so(slow, of_movement, is_like):
     made, result = found(slow, 1.0)
     moved = np.std(made.recorded["Z"][~made.held_out])

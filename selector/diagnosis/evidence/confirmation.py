@@ -9,7 +9,7 @@ from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect
 from selector.diagnosis.evidence.gain import recalibration
-from selector.diagnosis.evidence.naming import is_like_parameters, named_effect
+from selector.diagnosis.evidence.naming import named_effect
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms, without
 from selector.diagnosis.matching.runs import rms
@@ -150,15 +150,14 @@ def left_unseen(effect: NamedEffect, found: Search) -> float:
 
 
 def gains_nothing(comparison: Comparison, effect: NamedEffect, found: Search) -> bool:
-    """Whether an effect makes the unseen error larger, or no smaller where wrong parameters do the same.
+    """Whether an effect makes the unseen error larger, and not only by chance.
 
     A frozen reading is proved by its equal readings; what explains most of the mismatch may be of another size there.
     """
     if effect.id == "data.stuck" or effect.share >= MOST_OF_IT:
         return False
-    left, told = left_unseen(effect, found), confirmation(comparison, found, effect.id)
-    is_like = is_like_parameters(comparison, found, effect)
-    return left > (HARM if told.gain <= 0.0 else _RUIN) ** 2 or (is_like and left >= 1.0 and told.falls_short)
+    is_seen = confirmation(comparison, found, effect.id).gain > 0.0
+    return left_unseen(effect, found) > (_RUIN if is_seen else HARM) ** 2
 
 
 def _unseen(id_: str, found: Search, response: str) -> tuple[float, float]:
