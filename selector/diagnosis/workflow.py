@@ -315,7 +315,7 @@ def _is_sure(effect: NamedEffect, state: _State, largest: float) -> bool:
     next to nothing beside much that is left. In a record of one run, noise and what wanders look like any little part.
     """
     found = state.search
-    is_trifle = effect.share < _TRIFLE * min(largest, _MOST) and left_unseen(effect, found) >= 1.0
+    is_trifle = effect.share < _TRIFLE * min(largest, _MOST) and left_unseen(effect, found) >= 1.0 - _TRIFLE
     is_trifle |= effect.share < LEAST and is_far_above_noise(found, effect.channel)
     little = max(TENTH * largest, _TRIFLE if is_data(effect.id) else 0.0)
     is_trifle |= effect.share < little and effect.suspected and effect.id != "data.stuck"

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison, read_only
 from selector.diagnosis.finding_table import FINDINGS
+from selector.diagnosis.matching.following_errors import with_following_errors
 from selector.diagnosis.matching.runs import exchanged_runs
 from selector.diagnosis.matching.usable import at_readings, without_codes, without_extremes, without_useless
 from selector.errors import InputError, OptionError
@@ -211,7 +212,7 @@ def comparison_of(
         held_out=_held_out(reached, time, holdout),
         findings=tuple(findings),
     )
-    comparison = without_extremes(comparison)
+    comparison = with_following_errors(without_extremes(comparison))
     steps = {name: resolution(values) for name, values in comparison.recorded.items()}
     comparison = at_readings(replace(comparison, resolution=steps))
     usable = without_useless(comparison, asked=responses is not None)

@@ -59,7 +59,11 @@ def _shapes(
     role = comparison.channel(response).role
     if kind == 1.0:
         excess = np.sign(course) * np.maximum(np.abs(course) - level, 0.0)
-        yield drawn_out(comparison, response, excess), "way that lacks"
+        yield (
+            (excess, "speed that lacks")
+            if role == "velocity"
+            else (drawn_out(comparison, response, excess), "way that lacks")
+        )
     elif loop is None:
         if role in FORCE_ROLES:
             yield np.clip(course, -level, level) - course, "force that lacks"
@@ -89,7 +93,8 @@ def _limited(comparison: Comparison, response: str) -> Iterator[tuple[str, Vecto
         yield drive[0], drive[1], comparison.channel(drive[0]).unit, 0.0
     else:
         yield "acceleration", moving.acceleration_m_per_s2, "m/s^2", 0.0
-    yield "speed", moving.velocity_m_per_s, "m/s", 1.0
+    is_speed = comparison.channel(response).role == "velocity"
+    yield response if is_speed else "speed", moving.velocity_m_per_s, "m/s", 1.0
 
 
 def _plateau(comparison: Comparison, name: str) -> list[float]:
