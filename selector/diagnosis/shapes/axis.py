@@ -52,7 +52,8 @@ def motion(comparison: Comparison, axis: str | None = None) -> Motion | None:
     that goes another way. Channels of another axis are left out if this one has any.
     """
     command = _named(comparison, "position_command", axis)
-    position = _named(comparison, "position", axis)
+    # beside a command a simulated position tells without noise how it is followed
+    position = _named(comparison, "position", axis, compared_first=command is not None)
     velocity = _named(comparison, "velocity", axis)
     if command is not None:
         place, by = _followed(comparison, _values(comparison, command), position, velocity, axis)
@@ -93,12 +94,14 @@ def derivatives(comparison: Comparison, place: Vector) -> tuple[Vector, Vector]:
     return speed, acceleration
 
 
-def _named(comparison: Comparison, role: str, axis: str | None) -> str | None:
+def _named(comparison: Comparison, role: str, axis: str | None, *, compared_first: bool = False) -> str | None:
     seen = [c for c in comparison.channels if c.role == role and np.isfinite(comparison.recorded[c.name]).any()]
     of_axis = [c for c in seen if axis is not None and c.axis == axis]
     of_none = [c for c in seen if axis is None or c.axis is None]
     # a channel that is itself compared is the last choice
-    chosen = sorted(of_axis or of_none or seen, key=lambda channel: channel.name in comparison.responses)
+    chosen = sorted(
+        of_axis or of_none or seen, key=lambda channel: (channel.name in comparison.responses) != compared_first
+    )
     return chosen[0].name if chosen else None
 
 

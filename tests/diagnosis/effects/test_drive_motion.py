@@ -80,6 +80,32 @@ def test_a_noisy_position_says_how_far_the_axis_is_behind_its_command():
     assert np.abs(found.position_m - table).max() < 0.3 * np.abs(COMMAND - table).max()
 
 
+def test_beside_a_command_the_simulated_position_says_where_the_table_is_not_a_recorded_one():
+    """A second encoder has noise, and is behind the command by no loop of the simulation."""
+    table = COMMAND - 2e-5 * np.sin(np.arange(len(COMMAND)) / 40.0)
+    motor = table + 1e-6 * np.random.default_rng(0).standard_normal(len(COMMAND))
+    channels = (Channel("r", "position_command", "m"), Channel("motor", "position", "m"), Channel("x", "position", "m"))
+    comparison = comparison_with(channels, {"r": COMMAND, "motor": motor, "x": table}, x=table)
+    found = motion(comparison)
+    assert found is not None
+    assert found.sources == ("r", "x")
+    np.testing.assert_array_equal(found.position_m, table)
+
+
+def test_a_compared_speed_may_stand_at_a_limit_far_below_the_simulated_one():
+    speed = np.gradient(COMMAND, PERIOD_S)
+    limit = 0.3 * np.abs(speed).max()
+    comparison = comparison_with((Channel("v", "velocity", "m/s"),), {"v": np.clip(speed, -limit, limit)}, v=speed)
+    lacking = np.clip(speed, -limit, limit) - speed
+    left = []
+    for variant in SATURATION.variants(comparison, "v"):
+        columns = variant.columns
+        rest = lacking - columns @ np.linalg.lstsq(columns, lacking, rcond=None)[0]
+        left.append((float(np.sum(rest**2) / np.sum(lacking**2)), variant.shape["limit"].value))
+    assert min(left)[0] < 1e-3
+    assert min(left)[1] == pytest.approx(limit, rel=0.01)
+
+
 @pytest.mark.parametrize("read", [lambda q: np.round(q, 2), lambda q: np.roll(q, 400)], ids=["rounded", "late"])
 def test_a_recorded_speed_is_believed_before_a_position_that_goes_another_way(read):
     channels = (Channel("q", "position", "m"), Channel("v", "velocity", "m/s"))
