@@ -7,7 +7,7 @@ from itertools import compress
 
 import numpy as np
 
-from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place, Verdict
+from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Verdict
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Quantity
@@ -30,7 +30,7 @@ from selector.diagnosis.evidence.confirmation import (
 from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.discrepancy import beside_discrepancy
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
-from selector.diagnosis.evidence.gain import fit_of, gap_closed
+from selector.diagnosis.evidence.gain import fit_of, gap_closed, left_by
 from selector.diagnosis.evidence.naming import (
     as_carried,
     evidence_rows,
@@ -42,22 +42,24 @@ from selector.diagnosis.evidence.naming import (
     is_structured,
     named_effect,
     of_practical_size,
-    or_parameters,
+    part_of,
     seen_only,
     told_of_small,
     whole_record_effect,
 )
+from selector.diagnosis.evidence.own_parameters import or_parameters
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, is_slow_in_one_run, numbers, search
 from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
-from selector.diagnosis.mismatch.location import active_windows
+from selector.diagnosis.mismatch.acting import places
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record, told_of_wandering, unexplained
 from selector.diagnosis.mismatch.switching import Switched, gain_beside, switched, told_of_switches
 from selector.diagnosis.next_run.experiments import next_runs
 from selector.diagnosis.shapes.input_faults import InputFault, input_faults, told_of_inputs
+from selector.diagnosis.shapes.own_resonances import with_moved_resonances
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.wording import headline, is_data
 from selector.types import Matrix, Vector
@@ -73,6 +75,8 @@ _LEAST_SURE, _QUARTER = 0.1, 0.25
 _MANY, _MANY_BESIDE_MISFIT = 3, 2
 _TOLD_BESIDE = 12.0  #: Nats that a name has to gain beside a switch.
 _NEARLY_ALL = 0.9  #: Of the mean square: all but a third of the error.
+#: What resonances of the simulation that are a little off look like.
+_LIKE_RESONANCES = ("vibration.mode", "vibration.back_reaction", "vibration.hardening", "vibration.hysteresis")
 _DOUBTFUL = 0.45  #: Weight below which an effect is no name where structure is left that nothing explains.
 
 Progress = Callable[[int, int, str], None]  #: Told how far the work is: steps done, steps in all, what is done now.
@@ -95,7 +99,38 @@ def diagnosis(
     """
     known = tuple(effects if effects is not None else catalogue())
     asked = _Asked(seed, false_alarm, known, progress or (lambda done, total, text: None))
-    state = _State(comparison, asked)
+    answer = _staged(_State(comparison, asked))
+    if answer.verdict == "unexplained" or any(effect.id in _LIKE_RESONANCES for effect in answer.effects):
+        return _recalibrated_resonances(answer, asked) or answer
+    return answer
+
+
+def _recalibrated_resonances(answer: Diagnosis, asked: "_Asked") -> Diagnosis | None:
+    """The answer where the simulation's own resonances, moved, explain the mismatch and little is left; else None.
+
+    What a resonance that is a little off leaves looks like another one, or like nothing that is known.
+    """
+    moved = with_moved_resonances(answer.comparison)
+    if moved is None:
+        return None
+    beside = _staged(_State(moved.comparison, asked))
+    if beside.verdict == "unexplained" or any(one.share > _MOST * moved.share for one in beside.effects):
+        return None
+    alone = _staged(_State(moved.comparison, replace(asked, effects=())))
+    found = replace(
+        beside,
+        verdict="miscalibrated",
+        effects=(),
+        where=(),
+        also_seen=(*beside.also_seen, *seen_only(beside.effects)),
+        fit=alone.fit,
+        recalibration={**alone.recalibration, "model": moved.resonances},
+    )
+    return replace(found, headline=headline(found))
+
+
+def _staged(state: "_State") -> Diagnosis:
+    """The answer of all stages, one after the other."""
     for stage in _STAGES:
         if state.answer is None:
             state = stage(state)
@@ -277,7 +312,7 @@ def _looked_at_what_is_left(state: _State) -> _State:
     asked, comparison, found = state.asked, state.comparison, state.search
     late = held_out_faults(comparison, found, asked.effects, false_alarm=asked.false_alarm, seed=asked.seed)
     only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in found.benches.values())
-    residuals, white = _left(comparison, found, only_fitted=only_fitted)
+    residuals, white = left_by(comparison, found, only_fitted=only_fitted)
     seen = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
     little = {name for name in found.benches if is_little_in_one_run(comparison, found, name)}
     of_size = [one for one in seen if one.channel not in little]
@@ -465,7 +500,7 @@ def _answered(state: _State) -> Diagnosis:
         comparison=comparison,
         verdict=state.verdict,
         headline="",
-        where=_where(state),
+        where=places(comparison, effects, state.structures, state.switches, state.residuals),
         effects=effects,
         also_seen=state.also,
         fit=state.fit,
@@ -508,35 +543,9 @@ def _worth_naming(comparison: Comparison, found: Search) -> Search:
     """
     named = {id_: named_effect(comparison, found, id_) for id_ in found.named}
     least = _TRIFLE * max((effect.share for effect in named.values()), default=0.0)
-    sizes = {id_: max(effect.share, _part(found, effect)) for id_, effect in named.items()}
+    sizes = {id_: max(effect.share, part_of(found, effect)) for id_, effect in named.items()}
     worth = {id_ for id_, size in sizes.items() if size >= least}
     return found.only({id_ for id_ in worth if sizes[id_] >= LEAST or not confirmation(comparison, found, id_).refutes})
-
-
-def _part(found: Search, effect: NamedEffect) -> float:
-    """Mean square of an effect's course in parts of that of the mismatch beside recalibration, fitted rows."""
-    parts = []
-    for name, course in effect.courses.items():
-        bench = found.benches[name]
-        alone = bench.mean_square([])
-        parts.append(float(np.var(course[bench.fitted])) / alone if alone > 0.0 else 0.0)
-    return max(parts)
-
-
-def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:
-    """Residuals, and the same behind the noise filter; of named effects on the fitted rows alone.
-
-    What a named effect does on another programme may differ a little from its fit, and is no other effect; so is what
-    comes back with a cycle.
-    """
-    looked = ~comparison.held_out if only_fitted else np.ones(len(comparison.time_s), dtype=bool)
-    residuals, white = {}, {}
-    for name, bench in found.benches.items():
-        of = numbers(found.named, name)
-        residuals[name] = np.where(looked, bench.residual(of), np.nan)
-        of_noise = bench.white_residual(of) * np.sqrt(found.misfit.get(name, 1.0))
-        white[name] = np.where(looked, of_noise, np.nan)
-    return residuals, white
 
 
 def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure]) -> bool:
@@ -563,27 +572,3 @@ def _verdict(named: Sequence[NamedEffect], structures: Sequence[Structure], is_r
     if structures:
         return "unexplained"
     return "miscalibrated" if is_recalibrated else "nothing-missing"
-
-
-def _where(state: _State) -> tuple[Place, ...]:
-    """Windows in which the named effects act, or in which what nothing explains is large."""
-    comparison, named, structures = state.comparison, state.effects, state.structures
-    found: list[Place] = []
-    for effect in named:
-        if effect.acts is not None:
-            run, first, last = effect.acts
-            rows = comparison.time_s[comparison.run_index == comparison.runs.index(run)]
-            window = float(rows[0] if first is None else first), float(rows[-1] if last is None else last)
-            found += [Place(name, effect.place, run, *window, None, effect.share) for name in effect.channels]
-            continue
-        for channel in effect.channels:
-            windows = active_windows(comparison, channel, effect.courses[channel])
-            found += [replace(place, place=effect.place, share=place.share * effect.share) for place in windows]
-    if not named and structures:
-        surest = structures[0]
-        regime = surest.regime or surest.band_words
-        for channel in state.switches or [surest.channel]:
-            acts = state.switches[channel].course if state.switches else state.residuals[channel]
-            windows = active_windows(comparison, channel, acts)
-            found += [replace(place, regime=place.regime or regime, p_value=surest.p_value) for place in windows]
-    return tuple(found)

@@ -97,7 +97,7 @@ def _next(grid: Sequence[float], value: float, step: int) -> float:
 _UNCHECKED = 0.9  #: What is left of a confidence that nothing held out could bear out.
 #: How sure a doubted name is at most; and, where structure is left, one that carries nothing to unseen rows (surer the
 #: more it surely carries) or that explains less than is left, of which it may be a part.
-_HALF = 0.5
+HALF = 0.5
 _GUESS = 0.1  #: Confidence below which a name says next to nothing.
 #: Weights, and how often names of such a weight are right: 102 names of real recordings, 203 of development seeds, and
 #: 451 of an exam that was over.
@@ -107,10 +107,6 @@ _RIGHT = (0.0, 0.5, 0.7, 0.85, 1.0), (0.0, 0.5, 0.75, 0.9, 0.96)
 _BY_A_MISFIT, _OFTEN = 20.0, 0.75
 _FAR_ABOVE = 4.0
 _ONE_SPEED = 0.1  #: Of the usual speed, by which it differs at most.
-#: What parameters of a simulation of heat that are a few per cent off look like, and the part of the movement below
-#: which it is no surer than they are likely: on 16 machines with values 2 and 5 % off it was 2 to 20 %.
-_LIKE_PARAMETERS = ("thermal.memory", "thermal.convection", "thermal.interaction", "thermal.speed_heating")
-_OF_PARAMETERS = 0.25
 _SHOWN = 9.0  #: Gain from which an effect shows in a response by itself: three standard errors.
 _INPUT_FAULT = 0.9  #: Confidence of a fault that a channel's own course shows and nothing else explains.
 
@@ -133,10 +129,10 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     if is_structured(found, main):
         carried = 0.0 if gap is None or gap.low is None else float(np.clip(gap.low, 0.0, 1.0))
         carried *= _is_more_than_left(found, main, told[main][1])
-        confidence = min(confidence, _HALF + _HALF * carried, found.ahead.get(id_, 1.0))
+        confidence = min(confidence, HALF + HALF * carried, found.ahead.get(id_, 1.0))
     confidence = float(np.interp(confidence, *_RIGHT))
     if id_ in found.doubted:
-        confidence = min(confidence, _HALF)
+        confidence = min(confidence, HALF)
     if gap is not None and gap.high is not None and (share < MOST_OF_IT or id_.startswith("data.")):
         # no surer than the names are shown to carry on unseen rows
         confidence = min(confidence, gap.high)
@@ -147,7 +143,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     # a fault may be of one run; physics that only one has is borne out by none
     is_of_one_run, is_fault = fitted.variant.run is not None, id_.startswith("data.")
     if is_of_one_run and not is_fault:
-        confidence = min(confidence, _HALF)
+        confidence = min(confidence, HALF)
     is_checked = (is_of_one_run and is_fault) or not held.any()
     is_checked = is_checked or any(np.isfinite(comparison.difference(name)[held]).any() for name in by_response)
     return NamedEffect(
@@ -194,26 +190,8 @@ def as_carried(effect: NamedEffect, found: Search) -> NamedEffect:
     is_chosen = effect.id in found.ahead or effect.confidence < _GUESS
     if not is_chosen or gap is None or gap.low is None:
         return effect
-    least = min(_HALF, gap.low) * (_HALF if effect.suspected else 1.0)
+    least = min(HALF, gap.low) * (HALF if effect.suspected else 1.0)
     return replace(effect, confidence=max(effect.confidence, least))
-
-
-def _is_like_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> bool:
-    """Whether parameters of a simulation of heat that are a few per cent off make such a course of an effect, too."""
-    if effect.id not in _LIKE_PARAMETERS:
-        return False
-    fitted = found.benches[effect.channel].fitted
-    moved = float(np.nanstd(comparison.recorded[effect.channel][fitted]))
-    return float(np.std(effect.courses[effect.channel][fitted])) < _OF_PARAMETERS * moved
-
-
-def or_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> NamedEffect:
-    """The effect no surer than half where wrong parameters do the same, and told so."""
-    if not _is_like_parameters(comparison, found, effect):
-        return effect
-    also = ", as parameters of the simulation that are a few per cent off would do, too."
-    statement = effect.statement.removesuffix(".") + also
-    return replace(effect, statement=statement, confidence=min(effect.confidence, _HALF))
 
 
 def is_structured(found: Search, response: str) -> bool:
@@ -551,3 +529,13 @@ def evidence_rows(found: Search, untested: Mapping[str, Mapping[str, str]]) -> t
             if id_ not in found.standing
         ]
     return tuple(rows)
+
+
+def part_of(found: Search, effect: NamedEffect) -> float:
+    """Mean square of an effect's course in parts of that of the mismatch beside recalibration, fitted rows."""
+    parts = []
+    for name, course in effect.courses.items():
+        bench = found.benches[name]
+        alone = bench.mean_square([])
+        parts.append(float(np.var(course[bench.fitted])) / alone if alone > 0.0 else 0.0)
+    return max(parts)

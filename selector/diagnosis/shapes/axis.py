@@ -283,6 +283,20 @@ def simulated_drive_force(comparison: Comparison, axis: str | None) -> tuple[str
     return None
 
 
+def simulated_forces(comparison: Comparison, axis: str | None) -> dict[str, Vector]:
+    """What inertia, friction by speed and dry friction make of the simulated force, by effect, (n_rows,) each."""
+    moving, drive = motion(comparison, axis), simulated_drive_force(comparison, axis)
+    if moving is None or drive is None:
+        return {}
+    whole = slice(0, len(comparison.time_s))
+    _, distance, mass, viscous, dry = min(_of_mechanics(moving, drive[1], one, whole) for one in PRESLIDING_M)
+    return {
+        "drive.mass": mass * moving.acceleration_m_per_s2,
+        "drive.viscous": viscous * moving.velocity_m_per_s,
+        "drive.coulomb": dry * moving.friction_state(distance),
+    }
+
+
 @lru_cache(maxsize=8)
 def simulated_axis(comparison: Comparison, axis: str | None) -> SimulatedAxis | None:
     """The equations that a simulated force and error of an axis obey; None without these, or if they obey others."""

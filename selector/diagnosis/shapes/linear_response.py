@@ -148,6 +148,8 @@ def _found(comparison: Comparison, response: str) -> tuple[LinearResponse, ...]:
                 fitted = turned
         if fitted is not None:
             return (fitted,)
+    elif (turned := _beside_rotation(comparison, [np.zeros((len(v), 0)) for v in y], y, runs, ())) is not None:
+        return (turned,)
     decay = _fitted([np.zeros((len(v), 0)) for v in y], y, ())
     if decay is not None and _rings(decay.denominator, comparison.period_s):
         return (decay,)

@@ -1,0 +1,29 @@
+"""An inertia or a friction that is little beside that of the simulation may be a parameter of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from selector.diagnosis.workflow import diagnosis
+from tests.diagnosis.effects.drive_axis import WITH_FRICTION, compared
+
+
+def named(times: float, field: str, id_: str):
+    truth = replace(WITH_FRICTION, **{field: times * getattr(WITH_FRICTION, field)})
+    return next(effect for effect in diagnosis(compared(truth, WITH_FRICTION)).effects if effect.id == id_)
+
+
+@pytest.mark.parametrize(
+    ("field", "times", "id_"), [("table_kg", 1.06, "drive.mass"), ("viscous", 1.04, "drive.viscous")]
+)
+def test_a_few_per_cent_are_half_sure_and_told_as_a_parameter(field, times, id_):
+    effect = named(times, field, id_)
+    assert effect.confidence <= 0.5
+    assert "parameters of the simulation" in effect.statement
+
+
+@pytest.mark.parametrize(("field", "id_"), [("table_kg", "drive.mass"), ("coulomb", "drive.coulomb")])
+def test_a_quarter_is_physics(field, id_):
+    assert "parameters of the simulation" not in named(1.25, field, id_).statement
