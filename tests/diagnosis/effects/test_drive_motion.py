@@ -245,11 +245,12 @@ def test_a_limit_is_looked_for_also_where_a_channel_of_that_name_is_recorded_and
     assert "N" in limits
 
 
-def test_a_pitch_error_may_be_counted_from_where_each_run_began():
+@pytest.mark.parametrize("growth_per_m", [0.0, 1.0], ids=["repeats", "repeats and grows"])
+def test_a_pitch_error_may_be_counted_from_where_each_run_began(growth_per_m):
     lead_m, begins = 0.010, (0.100, 0.103, 0.109)
     command = np.concatenate([begin + COMMAND - COMMAND[0] for begin in begins])
     n = len(COMMAND)
-    wave = 0.3 * np.sin(2.0 * np.pi * command / lead_m + 1.0)
+    wave = 0.3 * np.sin(2.0 * np.pi * command / lead_m + 1.0) + growth_per_m * command
     error = wave - np.repeat(wave[::n], n)
     recorded = {"r": command, "E": error + 0.02 * np.random.default_rng(0).standard_normal(len(command))}
     channels = (Channel("r", "position_command", "m"), Channel("E", "displacement", "um"))
@@ -257,7 +258,7 @@ def test_a_pitch_error_may_be_counted_from_where_each_run_began():
     runs = replace(one, runs=("r1", "r2", "r3"), starts=(0, n, 2 * n, 3 * n), time_s=np.tile(one.time_s[:n], 3))
     left = {}
     for variant in PITCH_ERROR.variants(runs, "E"):
-        if "lead_mm" in variant.shape and variant.shape["harmonics"].value == 1.0:
+        if "lead_mm" in variant.shape and variant.shape["power"].value == float(growth_per_m > 0.0):
             base = np.column_stack([variant.columns, np.ones(3 * n), runs.simulated["E"]])
             rest = error - base @ np.linalg.lstsq(base, error)[0]
             kind = "from_start" in variant.shape

@@ -23,8 +23,9 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         shape = {"lead_mm": Quantity(1e3 * lead, "mm")}
         once = {"sine of the lead": np.sin(turn), "cosine of the lead": np.cos(turn)}
         twice = {"sine of half the lead": np.sin(2.0 * turn), "cosine of half the lead": np.cos(2.0 * turn)}
-        for harmonics, waves in ((1.0, once), (2.0, once | twice)):
-            of_waves = shape | {"harmonics": Quantity(harmonics, "1")}
+        growing = once | {"position": place}
+        for harmonics, waves, power in ((1.0, once, 0.0), (2.0, once | twice, 0.0), (1.0, growing, 1.0)):
+            of_waves = shape | {"harmonics": Quantity(harmonics, "1"), "power": Quantity(power, "1")}
             yield direct(comparison, response, waves, of_waves)
             if len(starts) > 1:
                 # a reading that is set to zero where a run begins lacks the error of that place
@@ -38,8 +39,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         amplitude = waved(fitted)
         factor, unit = displayed(fitted.unit, amplitude.value)
         size = f"{factor * amplitude.value:.3g} {unit}"
+        grows = "grows along the way and " if fitted.parameter("power").value else ""
         return Reading(
-            f"The position error repeats every {lead.value:.4g} mm with an amplitude of {size}, "
+            f"The position error {grows}repeats every {lead.value:.4g} mm with an amplitude of {size}, "
             f"whatever the speed: {fitted.size_words}.",
             {"lead_mm": lead, "amplitude": amplitude},
         )
