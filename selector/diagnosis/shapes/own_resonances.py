@@ -17,19 +17,13 @@ from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.shapes.linear_response import resonances_of
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import no_vibration, of_a_drive, on_even_clock, swept_hz
-from selector.types import Vector
+from selector.types import Matrix, Vector
 
-_SAME = 0.03  #: Of a frequency, by which that of one resonance differs in two responses.
-_MOST_MOVED, _MOST_DAMPED = (
-    0.25,
-    1.6,
-)  #: Logarithms by which frequency and damping may be off: beyond it is another one.
-_FIRST_STEP = 0.03, 0.3
+_SAME = 0.003  #: Of a frequency, by which that of one resonance differs in two responses.
+#: Logarithms by which frequency and damping may be off, beyond which it is physics; steps to begin with.
+_MOST, _FIRST = (0.03, 0.5), (0.01, 0.1)
 _TRIED, _NEAR = 120, 1e-4  #: Shapes tried for every resonance; logarithms that each is told to.
-_MATTERS = (
-    0.95  #: Of the mean square that offset and gain leave: less has to be left of fitted rows, no more of others.
-)
-_MOST_DAMPING = 0.9
+_MATTERS = 0.95  #: Of the mean square of fitted rows: less has to be left, and no more of the others.
 
 
 @dataclass(frozen=True)
@@ -37,7 +31,7 @@ class Moved:
     """A simulation with resonances of its own moved."""
 
     comparison: Comparison  #: With what every move changes among its tangents
-    resonances: Mapping[str, Quantity]  #: ``resonance of 56.4 Hz at`` → where the recording has it [Hz]
+    resonances: Mapping[str, Quantity]  #: ``resonance of 56.4 Hz moved by`` → by how much [%]
     share: float  #: Of the mean square that offset and gain leave of the fitted rows, what the moves explain
 
 
@@ -47,9 +41,15 @@ def with_moved_resonances(comparison: Comparison) -> Moved | None:
     Frequencies may move by 3 %, damping by a half. None as well if the simulation can be run again, where its own
     parameters do this.
     """
-    own = {name: resonances_of(comparison, name) for name in comparison.responses if _is_vibration(comparison, name)}
-    shared = _shared([one for of in own.values() for one in of])
-    if not shared or comparison.tangents:
+    own: dict[str, list[int]] = {}
+    shared: list[tuple[float, float]] = []
+    for name in comparison.responses if not comparison.tangents else ():
+        own[name] = []
+        for one in resonances_of(comparison, name) if _is_vibration(comparison, name) else ():
+            known = [k for k, other in enumerate(shared) if abs(np.log(one[0] / other[0])) < _SAME]
+            shared += [] if known else [one]
+            own[name].append(known[0] if known else len(shared) - 1)
+    if not shared:
         return None
     by = _best(comparison, own, shared)
     tangents: dict[str, dict[str, Vector]] = {}
@@ -57,15 +57,14 @@ def with_moved_resonances(comparison: Comparison) -> Moved | None:
     for name, of in own.items():
         simulated = comparison.simulated_course(name)
         fitted, unseen = _left(comparison, name, simulated)
-        now_fitted, now_unseen = _left(comparison, name, _passed(comparison, name, of, shared, by))
+        now_fitted, now_unseen = _left(comparison, name, _passed(comparison, simulated, of, shared, by))
         if now_fitted >= _MATTERS * fitted or now_unseen > unseen:
             continue
         share, tangents[name] = max(share, 1.0 - now_fitted / fitted), {}
-        for one in of:
-            number = _number(one, shared)
-            words = f"resonance of {shared[number][0]:.4g} Hz at"
-            tangents[name][words] = read_only(_passed(comparison, name, (one,), shared, by) - simulated)
-            quantities[words] = Quantity(shared[number][0] * float(np.exp(by[2 * number])), "Hz")
+        for k in of:
+            words = f"resonance of {shared[k][0]:.4g} Hz moved by"
+            tangents[name][words] = read_only(_passed(comparison, simulated, (k,), shared, by) - simulated)
+            quantities[words] = Quantity(100.0 * float(np.expm1(by[k, 0])), "%")
     return Moved(replace(comparison, tangents=tangents), quantities, share) if tangents else None
 
 
@@ -74,62 +73,41 @@ def _is_vibration(comparison: Comparison, response: str) -> bool:
     return why_not is None and swept_hz(comparison, response) is None
 
 
-def _shared(own: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """(frequency [Hz], damping) of the resonances that the responses have, each once."""
-    found: list[tuple[float, float]] = []
-    for one in sorted(own):
-        if not found or abs(np.log(one[0] / found[-1][0])) > _SAME:
-            found.append(one)
-    return found
+def _best(comparison: Comparison, own: Mapping[str, Sequence[int]], shared: Sequence[tuple[float, float]]) -> Matrix:
+    """Logarithms by which frequency and damping of every resonance are off, (n, 2), by least squares."""
+    given = {name: comparison.simulated_course(name) for name in own}
+    before = {name: max(_left(comparison, name, course)[0], 1e-300) for name, course in given.items()}
 
-
-def _number(one: tuple[float, float], shared: Sequence[tuple[float, float]]) -> int:
-    return int(np.argmin([abs(np.log(one[0] / other[0])) for other in shared]))
-
-
-def _best(
-    comparison: Comparison, own: Mapping[str, Sequence[tuple[float, float]]], shared: Sequence[tuple[float, float]]
-) -> Vector:
-    """Logarithms by which frequency and damping of every resonance are off, one after the other, by least squares."""
-    bounds = np.tile([_MOST_MOVED, _MOST_DAMPED], len(shared))
-    given = {name: _left(comparison, name, comparison.simulated_course(name))[0] for name in own}
-
-    def misfit(by: Vector) -> float:
-        if np.any(np.abs(by) > bounds):
+    def misfit(values: Vector) -> float:
+        by = values.reshape(-1, 2)
+        if np.any(np.abs(by) > _MOST):
             return np.inf
-        return sum(
-            _left(comparison, name, _passed(comparison, name, of, shared, by))[0] / max(given[name], 1e-300)
-            for name, of in own.items()
-        )
+        passed = {name: _passed(comparison, given[name], of, shared, by) for name, of in own.items()}
+        return sum(_left(comparison, name, course)[0] / before[name] for name, course in passed.items())
 
-    start = np.zeros(len(bounds))
+    start = np.zeros(2 * len(shared))
     found = minimize(
         misfit,
         start,
         method="Nelder-Mead",
         options={
-            "initial_simplex": np.vstack([start, np.diag(np.tile(_FIRST_STEP, len(shared)))]),
+            "initial_simplex": np.vstack([start, np.diag(np.tile(_FIRST, len(shared)))]),
             "maxfev": _TRIED * len(shared),
             "xatol": _NEAR,
             "fatol": _NEAR,
         },
     )
-    return np.asarray(found.x)
+    return np.asarray(found.x.reshape(-1, 2))
 
 
 def _passed(
-    comparison: Comparison,
-    response: str,
-    own: Sequence[tuple[float, float]],
-    shared: Sequence[tuple[float, float]],
-    by: Vector,
+    comparison: Comparison, course: Vector, of: Sequence[int], shared: Sequence[tuple[float, float]], by: Matrix
 ) -> Vector:
-    """The simulated course with these resonances moved; the answer to a steady force stays."""
-    course = comparison.simulated_course(response)
-    for frequency_hz, damping in own:
-        moved, damped = by[2 * _number((frequency_hz, damping), shared) :][:2]
+    """The course with these resonances moved; the answer to a steady force stays."""
+    for k in of:
+        (frequency_hz, damping), (times_f, times_z) = shared[k], np.exp(by[k])
         here = _poles(frequency_hz, damping, comparison.period_s)
-        there = _poles(frequency_hz * np.exp(moved), min(damping * np.exp(damped), _MOST_DAMPING), comparison.period_s)
+        there = _poles(frequency_hz * times_f, min(damping * times_z, 1.0), comparison.period_s)
         course = on_even_clock(comparison, partial(lfilter, here * (there.sum() / here.sum()), there), course)
     return course
 
@@ -145,7 +123,6 @@ def _left(comparison: Comparison, response: str, course: Vector) -> tuple[float,
     recorded = comparison.recorded[response]
     seen = np.isfinite(recorded) & np.isfinite(comparison.simulated[response])
     columns = np.column_stack([np.ones(len(course)), course])
-    rows = seen & ~comparison.held_out
+    rows, held = seen & ~comparison.held_out, seen & comparison.held_out
     left = recorded - columns @ least_squares(columns[rows], recorded[rows])
-    held = seen & comparison.held_out
     return float(np.mean(left[rows] ** 2)), float(np.mean(left[held] ** 2)) if held.any() else float("nan")
