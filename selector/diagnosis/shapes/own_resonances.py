@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison, read_only
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.shapes.linear_response import resonances_of
+from selector.diagnosis.shapes.linear_response import resonances_of, resonator
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import no_vibration, of_a_drive, on_even_clock, swept_hz
 from selector.types import Matrix, Vector
@@ -106,16 +106,10 @@ def _passed(
     """The course with these resonances moved; the answer to a steady force stays."""
     for k in of:
         (frequency_hz, damping), (times_f, times_z) = shared[k], np.exp(by[k])
-        here = _poles(frequency_hz, damping, comparison.period_s)
-        there = _poles(frequency_hz * times_f, min(damping * times_z, 1.0), comparison.period_s)
+        here = resonator(frequency_hz, damping, comparison.period_s)[1]
+        there = resonator(frequency_hz * times_f, damping * times_z, comparison.period_s)[1]
         course = on_even_clock(comparison, partial(lfilter, here * (there.sum() / here.sum()), there), course)
     return course
-
-
-def _poles(frequency_hz: float, damping: float, period_s: float) -> Vector:
-    """1 − 2·Re(p)·z⁻¹ + |p|²·z⁻² of a resonance."""
-    pole = np.exp(2.0 * np.pi * frequency_hz * period_s * (-damping + 1j * np.sqrt(1.0 - damping**2)))
-    return np.array([1.0, -2.0 * pole.real, abs(pole) ** 2])
 
 
 def _left(comparison: Comparison, response: str, course: Vector) -> tuple[float, float]:
