@@ -28,6 +28,7 @@ PYTEST := $(TEST_ENVIRONMENT) $(BIN)/python -m pytest -n $(WORKERS) --maxprocess
 .PHONY: demo test setup lint types layers pytest reference docs constraints clean
 
 demo: $(BASE)
+	@echo "selector demo"
 	@$(BIN)/selector demo
 
 # What takes seconds comes first, and its first failure stops the rest. Types take two minutes of one processor where

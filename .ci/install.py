@@ -31,6 +31,7 @@ def keep_saying() -> None:
             say(f"{doing} …")
 
 
+say("starting pip")
 threading.Thread(target=keep_saying, daemon=True).start()
 pip = subprocess.Popen([*PIP, *CONSTRAINTS, *sys.argv[1:]], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 kept, packages = [], 0
