@@ -18,7 +18,8 @@ from selector.diagnosis.evidence.confirmation import (
     not_ruinous,
     only_cancels,
 )
-from selector.diagnosis.evidence.naming import as_carried, named_effect, or_parameters
+from selector.diagnosis.evidence.naming import as_carried, named_effect
+from selector.diagnosis.evidence.own_parameters import or_parameters
 from selector.diagnosis.evidence.recalibration import contradicted, recalibrated
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
@@ -91,6 +92,14 @@ def test_half_of_the_mismatch_that_is_little_of_the_unseen_one_fades(slow, unsee
     assert 0.25 < effect.share < 0.75
     assert fades(effect, result) == is_less
     assert (left_unseen(effect, result) < 0.7) != is_less
+
+
+def test_a_fault_of_a_fitted_run_has_nothing_to_do_with_unseen_rows(slow):
+    made, result = found(slow, 0.3, 3.0)
+    effect = named_effect(made, result, "thermal.memory")
+    of_fitted = np.where(made.held_out, 0.0, effect.courses["Z"])
+    assert fades(effect, result)
+    assert not fades(replace(effect, courses={"Z": of_fitted}), result)
 
 
 def test_what_is_several_times_the_mismatch_only_cancels_a_gain(slow):

@@ -128,7 +128,7 @@ def fades(effect: NamedEffect, found: Search) -> bool:
     """Whether what makes the fitted error much smaller makes the unseen one less than half as much smaller.
 
     In all its responses, compared with the unseen error without it, or recalibrated alone. Of most of the mismatch,
-    sizes may differ.
+    sizes may differ. A fault of one fitted run has nothing to do with unseen rows.
     """
     if not _MUCH <= effect.share < MOST_OF_IT:
         return False
@@ -138,7 +138,7 @@ def fades(effect: NamedEffect, found: Search) -> bool:
         recalibrated_alone = bench.target - recalibration(bench)
         held = np.isfinite(recalibrated_alone) & ~bench.fitted
         after, before = _unseen(effect.id, found, response)
-        if not held.any() or after <= (1.0 - least) * min(before, rms(recalibrated_alone[held])):
+        if not effect.courses[response][held].any() or after <= (1.0 - least) * min(before, rms(recalibrated_alone[held])):
             return False
     return True
 
