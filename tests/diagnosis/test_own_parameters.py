@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from selector.diagnosis.workflow import diagnosis
@@ -27,3 +28,14 @@ def test_a_few_per_cent_are_half_sure_and_told_as_a_parameter(field, times, id_)
 @pytest.mark.parametrize(("field", "id_"), [("table_kg", "drive.mass"), ("coulomb", "drive.coulomb")])
 def test_a_quarter_is_physics(field, id_):
     assert "parameters of the simulation" not in named(1.25, field, id_).statement
+
+
+def test_an_inertia_from_one_run_on_is_a_workpiece_and_no_parameter():
+    heavier = compared(replace(WITH_FRICTION, table_kg=1.3 * WITH_FRICTION.table_kg), WITH_FRICTION)
+    as_simulated = compared(WITH_FRICTION, WITH_FRICTION)
+    first = heavier.run_index == 0
+    recorded = {name: np.where(first, as_simulated.recorded[name], values) for name, values in heavier.recorded.items()}
+    effects = diagnosis(replace(heavier, recorded=recorded)).effects
+    effect = next(one for one in effects if one.id == "drive.mass")
+    assert "from run r2 on" in effect.statement
+    assert "parameters of the simulation" not in effect.statement

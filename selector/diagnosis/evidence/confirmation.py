@@ -137,8 +137,10 @@ def fades(effect: NamedEffect, found: Search) -> bool:
         bench = found.benches[response]
         recalibrated_alone = bench.target - recalibration(bench)
         held = np.isfinite(recalibrated_alone) & ~bench.fitted
+        if not effect.courses[response][held].any():
+            return False
         after, before = _unseen(effect.id, found, response)
-        if not effect.courses[response][held].any() or after <= (1.0 - least) * min(before, rms(recalibrated_alone[held])):
+        if after <= (1.0 - least) * min(before, rms(recalibrated_alone[held])):
             return False
     return True
 

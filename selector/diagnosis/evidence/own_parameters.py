@@ -40,8 +40,11 @@ def _is_little_heat(comparison: Comparison, found: Search, effect: NamedEffect) 
 
 def _is_little_force(comparison: Comparison, found: Search, effect: NamedEffect) -> bool:
     """Whether an inertia or a friction is little beside that of the simulation, in a force that is compared."""
-    for name in found.named.get(effect.id, {}):
+    for name, v in found.named.get(effect.id, {}).items():
         channel = comparison.channel(name)
+        if found.benches[name].candidates[v].variant.regime is not None:
+            # no parameter is right in some runs
+            return False
         own = simulated_forces(comparison, channel.axis).get(effect.id) if channel.role in FORCE_ROLES else None
         if own is not None:
             fitted = found.benches[name].fitted
