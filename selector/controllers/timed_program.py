@@ -5,9 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from selector.controllers.program.language import plain
 from selector.controllers.replay.macro_b_executed import MacroB
-from selector.controllers.writers.exported import TEST_UM
+from selector.controllers.writers.exported import TEST_UM, filled
 from selector.controllers.writers.fanuc import LINEAR_AXES, literal, offset_asked, offset_written, remarks
 from selector.errors import OptionError
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram
@@ -18,6 +17,7 @@ LONGEST_OPERATION_S = 80_000.0
 #: So long after the end of its operation the last correction stays; the prediction says nothing of then.
 STAYS_S = 3600
 TARGETS = ("fanuc", "sinumerik")
+_CALLS = ("begins", "goes_on", "tests")  #: The zero of operation 1 was set; between cuts; sign test.
 _DAY_S = 86_400
 
 
@@ -113,63 +113,49 @@ def _operations(programs: Mapping[str, CorrectionProgram]) -> Iterator[_Timed]:
 
 FANUC_FILE, _FANUC_PROGRAM = "O9110.nc", 9110
 #: Common variables that outlive power-off: the operation (0: none), when [s of the day] and on which day it began.
-_OPERATION, _BEGUN, _DAY = 990, 991, 992
+_OF_FANUC = {"operation": 990, "begun": 991, "day": 992}
 _CLOCK, _PASSED, _NOW, _FIRST_AXIS = 28, 29, 30, 4  #: Local variables: times, and the corrections of the axes [µm].
-_KNOWN_DAY, _GOES_ON, _FIRST_LABEL = 29, 30, 1000
+_FIRST_LABEL = 1000
 
 
 def _fanuc(operations: Sequence[_Timed], signs: Mapping[str, float]) -> TimedProgram:
     variables = {axis: _FIRST_AXIS + k for k, axis in enumerate(signs)}
-    begins, goes_on, tests = (f"G65 P{_FANUC_PROGRAM}{letter}" for letter in (" A1.", "", f" B{TEST_UM:g}."))
-    lines = ["%", f"O{_FANUC_PROGRAM}(TIMED CORRECTION)"]
-    for told in (
-        f"{begins} - the zero of operation 1 was set. A0. - off",
-        f"{goes_on} - between cuts",
-        f"{tests} - sign test",
-        f"keeps the operation in No. {_OPERATION} and when it began in No. {_BEGUN} and {_DAY}",
-    ):
-        lines += remarks(told)
-    lines += [
-        *offset_asked(signs),
-        # read once: it goes on while it is taken apart
-        f"#{_CLOCK}=#3012",
-        f"#{_NOW}=FIX[#{_CLOCK}/10000.]*3600.+FIX[#{_CLOCK}/100.]*60.",
-        f"#{_NOW}=#{_NOW}-FIX[#{_CLOCK}/10000.]*6000.+#{_CLOCK}-FIX[#{_CLOCK}/100.]*100.",
-        f"IF[#{_OPERATION}EQ#0]THEN#{_OPERATION}=0.",
-        f"IF[#1EQ#0]GOTO{_GOES_ON}",
-        f"#{_OPERATION}=#1",
-        f"#{_BEGUN}=#{_NOW}",
-        f"#{_DAY}=#3011",
-        f"N{_GOES_ON}",
-        f"#{_PASSED}=#{_NOW}-#{_BEGUN}",
-        f"IF[#3011EQ#{_DAY}]GOTO{_KNOWN_DAY}",
-        f"#{_PASSED}=#{_PASSED}+{_DAY_S}.",
-        f"IF[#3011EQ[#{_DAY}+1.]]GOTO{_KNOWN_DAY}",
-        f"#{_OPERATION}=0.",
-        f"N{_KNOWN_DAY}",
-        *(f"#{variable}=0." for variable in variables.values()),
-    ]
+    calls = dict(
+        zip(_CALLS, (f"G65 P{_FANUC_PROGRAM}{letter}" for letter in (" A1.", "", f" B{TEST_UM:g}.")), strict=True)
+    )
+    told = (
+        "{begins} - the zero of operation 1 was set. A0. - off",
+        "{goes_on} - between cuts",
+        "{tests} - sign test",
+        "keeps the operation in No. {operation} and when it began in No. {begun} and {day}",
+    )
+    corrections = [f"#{variable}=0." for variable in variables.values()]
     for one in operations:
-        lines.append(f"IF[#{_OPERATION}NE{one.number}.]GOTO{_FIRST_LABEL + one.number}")
-        lines.append(f"IF[#{_PASSED}GT{one.until_s}.]GOTO{_FIRST_LABEL + one.number}")
+        corrections.append(f"IF[#{_OF_FANUC['operation']}NE{one.number}.]GOTO{_FIRST_LABEL + one.number}")
+        corrections.append(f"IF[#{_PASSED}GT{one.until_s}.]GOTO{_FIRST_LABEL + one.number}")
         for axis, from_s, um in one.steps:
             sign = "-" if um * signs[axis] < 0.0 else ""
-            lines.append(f"IF[#{_PASSED}GE{from_s}.]THEN#{variables[axis]}={sign}{literal(abs(um))}")
-        lines.append(f"N{_FIRST_LABEL + one.number}")
+            corrections.append(f"IF[#{_PASSED}GE{from_s}.]THEN#{variables[axis]}={sign}{literal(abs(um))}")
+        corrections.append(f"N{_FIRST_LABEL + one.number}")
     for axis, variable in variables.items():
-        lines.append(f"IF[#2NE#0]THEN#{variable}={'-' if signs[axis] < 0.0 else ''}#2")
-    text = "\n".join([*lines, *offset_written(variables), "N900", "M99", "%", ""])
-    install = (
-        f"Load {FANUC_FILE}. Check in the manual of the control: custom macro B is there; #3012 is the time of day, "
-        f"hhmmss, and #3011 the date, yyyymmdd; #{_OPERATION} to #{_DAY} are free and outlive power-off; G10 L2 P0 is "
-        "the external work offset, and nothing else uses it: what was in it is gone.",
-        f"Set the zero of operation 1, then call {begins}, and the same with the number of each later one. Call "
-        f"{goes_on} between cuts, without contact: the offset comes as one step of up to "
-        f"{_largest_um(operations):g} um, into force in the blocks after the call.",
+        corrections.append(f"IF[#2NE#0]THEN#{variable}={'-' if signs[axis] < 0.0 else ''}#2")
+    text = filled(
+        "timed_fanuc",
+        program=_FANUC_PROGRAM,
+        told=[line for one in told for line in remarks(one.format(**calls, **_OF_FANUC))],
+        asked=list(offset_asked(signs)),
+        clock=_CLOCK,
+        now=_NOW,
+        passed=_PASSED,
+        corrections=corrections,
+        written=list(offset_written(variables)),
+        **_OF_FANUC,
     )
-    calls, difference_um = replay = _replayed(text, operations, signs)
-    told = f"Executed here, block by block, {calls} calls: largest difference {difference_um:.2g} um."
-    sheet = _sheet(install, signs, tests, f"G65 P{_FANUC_PROGRAM} A0.", told)
+    n_calls, difference_um = replay = _replayed(text, operations, signs)
+    said = f"Executed here, block by block, {n_calls} calls: largest difference {difference_um:.2g} um."
+    sheet = _sheet(
+        "fanuc", operations, signs, said=said, file=FANUC_FILE, off=f"G65 P{_FANUC_PROGRAM} A0.", **calls, **_OF_FANUC
+    )
     return TimedProgram("fanuc", FANUC_FILE, text, sheet, replay)
 
 
@@ -206,79 +192,38 @@ def _replayed(text: str, operations: Sequence[_Timed], signs: Mapping[str, float
     return calls, largest
 
 
-def _largest_um(operations: Sequence[_Timed]) -> float:
-    """Of all steps: with a new zero all that was taken off goes at once [µm]."""
-    return max((abs(um) for one in operations for _, _, um in one.steps), default=0.0)
-
-
 SINUMERIK_FILE, _SINUMERIK_NAME = "SELECTOR_TIMED.SPF", "SELECTOR_TIMED"
-_R_OPERATION, _R_BEGUN, _R_DAY = 97, 98, 99  #: R parameters, of which a control has 100 unless told otherwise.
+_OF_SINUMERIK = {"operation": 97, "begun": 98, "day": 99}  #: R parameters; a control has 100 unless told otherwise.
 
 
 def _sinumerik(operations: Sequence[_Timed], signs: Mapping[str, float]) -> TimedProgram:
-    begins, goes_on, tests = (f"{_SINUMERIK_NAME}({what})" for what in ("1", "-1", f"-2,{TEST_UM:g}"))
-    lines = [
-        f"PROC {_SINUMERIK_NAME}(INT OPERATION, REAL TEST_UM) SAVE DISPLOF",
-        f"; {begins}: the zero of operation 1 was set; 0 instead of 1: off",
-        f"; {goes_on}: between cuts; {tests}: sign test",
-        f"; R{_R_OPERATION}: the operation, R{_R_BEGUN}: when it began [s of the day], R{_R_DAY}: on which day",
-        "DEF INT NOW",
-        "DEF INT TODAY",
-        "DEF INT PASSED",
-        *(f"DEF REAL {axis}_UM=0" for axis in signs),
-        "STOPRE",
-        "NOW=$A_HOUR*3600+$A_MINUTE*60+$A_SECOND",
-        "TODAY=$A_YEAR*10000+$A_MONTH*100+$A_DAY",
-        "IF OPERATION>=0",
-        f"  R{_R_OPERATION}=OPERATION",
-        f"  R{_R_BEGUN}=NOW",
-        f"  R{_R_DAY}=TODAY",
-        "ENDIF",
-        f"PASSED=NOW-R{_R_BEGUN}",
-        f"IF TODAY<>R{_R_DAY}",
-        f"  PASSED=PASSED+{_DAY_S}",
-        f"  IF TODAY<>R{_R_DAY}+1",
-        f"    R{_R_OPERATION}=0",
-        "  ENDIF",
-        "ENDIF",
-    ]
+    calls = dict(zip(_CALLS, (f"{_SINUMERIK_NAME}({what})" for what in ("1", "-1", f"-2,{TEST_UM:g}")), strict=True))
+    corrections = []
     for one in operations:
-        lines.append(f"IF (R{_R_OPERATION}=={one.number}) AND (PASSED<={one.until_s})")
+        corrections.append(f"IF (R{_OF_SINUMERIK['operation']}=={one.number}) AND (PASSED<={one.until_s})")
         for axis, from_s, um in one.steps:
-            lines += [f"  IF PASSED>={from_s}", f"    {axis}_UM={signs[axis] * um:.3f}", "  ENDIF"]
-        lines.append("ENDIF")
-    lines.append("IF OPERATION==-2")
-    lines += [f"  {axis}_UM={'-' if signs[axis] < 0.0 else ''}TEST_UM" for axis in signs]
-    lines.append("ENDIF")
-    lines += [f"$SA_TEMP_COMP_ABS_VALUE[{axis}]={axis}_UM/1000" for axis in signs]
-    install = (
-        f"Load {SINUMERIK_FILE} into the user cycles; elsewhere the calling program needs EXTERN "
-        f"{_SINUMERIK_NAME}(INT,REAL). R{_R_OPERATION} to R{_R_DAY} must be free. Set bit 0 of "
-        "MD32750 $MA_TEMP_COMP_TYPE of the axes, then power on. Nothing else may write SD43900 of these axes.",
-        f"Set the zero of operation 1, then call {begins}, and the same with the number of each later one. Call "
-        f"{goes_on} between cuts, without contact: it stops the look-ahead for a moment, and the axis makes a step of "
-        f"up to {_largest_um(operations):g} um.",
-        "After a reset or power-off the last value stays in SD43900 until the next call.",
-    )
-    told = "Not executed here: there is no SINUMERIK to do so. Try every operation without cutting first."
-    sheet = _sheet(install, signs, tests, f"{_SINUMERIK_NAME}(0)", told)
-    return TimedProgram("sinumerik", SINUMERIK_FILE, "\n".join([*lines, "RET", ""]), sheet, None)
+            corrections += [f"  IF PASSED>={from_s}", f"    {axis}_UM={signs[axis] * um:.3f}", "  ENDIF"]
+        corrections.append("ENDIF")
+    corrections.append("IF OPERATION==-2")
+    corrections += [f"  {axis}_UM={'-' if signs[axis] < 0.0 else ''}TEST_UM" for axis in signs]
+    corrections.append("ENDIF")
+    corrections += [f"$SA_TEMP_COMP_ABS_VALUE[{axis}]={axis}_UM/1000" for axis in signs]
+    own = {"name": _SINUMERIK_NAME, **calls, **_OF_SINUMERIK}
+    axes = [f"DEF REAL {axis}_UM=0" for axis in signs]
+    text = filled("timed_sinumerik", axes=axes, corrections=corrections, **own)
+    said = "Not executed here: there is no SINUMERIK to do so. Try every operation without cutting first."
+    sheet = _sheet("sinumerik", operations, signs, said=said, file=SINUMERIK_FILE, off=f"{_SINUMERIK_NAME}(0)", **own)
+    return TimedProgram("sinumerik", SINUMERIK_FILE, text, sheet, None)
 
 
-def _sheet(install: Sequence[str], signs: Mapping[str, float], test: str, after: str, told: str) -> str:
-    moves = ", ".join(f"{axis} by {sign * TEST_UM:+g} um" for axis, sign in signs.items())
-    return "\n\n".join(
-        (
-            "Timed corrections: what to do at the machine",
-            "This is not a safety function. The times hold for the duty cycle of the prediction: after a stop, predict "
-            f"again. {STAYS_S // 60} min after the end of an operation, on a day that is not the next one, and from "
-            "midnight of a new month on the correction is 0 until a zero is set again.",
-            *(f"{k}. {plain(line)}" for k, line in enumerate(install, start=1)),
-            f"{len(install) + 1}. Sign test, before the first part: with an indicator in place of the gauge of the "
-            f"tests, call {test} and go to the same place again. The program moves {moves}. The indicator must read "
-            f"{TEST_UM:g} um less in the direction in which the tests count up. If it reads more, write the program "
-            f"again with --invert and the name of that response. Then call {after}",
-            told,
-            "",
-        )
+def _sheet(target: str, operations: Sequence[_Timed], signs: Mapping[str, float], **values: object) -> str:
+    # with a new zero all that was taken off goes at once
+    largest_um = max((abs(um) for one in operations for _, _, um in one.steps), default=0.0)
+    return filled(
+        "timed_sheet",
+        steps=filled(f"timed_{target}_steps", largest=f"{largest_um:g}", **values),
+        minutes=STAYS_S // 60,
+        moves=", ".join(f"{axis} by {sign * TEST_UM:+g} um" for axis, sign in signs.items()),
+        um=f"{TEST_UM:g}",
+        **values,
     )
