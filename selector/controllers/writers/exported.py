@@ -76,6 +76,9 @@ class Commanded:
     wait_s: float  #: For so long the correction is on its way; 0 where it comes at once
 
 
+OfOutput = Callable[[int, float], Mapping[str, object]]
+
+
 @dataclass(frozen=True)
 class SignTest:
     """The test on one control."""
@@ -88,35 +91,23 @@ class SignTest:
     unless: str  #: How it is seen that there is no test, and what to do; empty: there always is
 
 
-def sign_test(
-    model: ModelFile,
-    before: str,
-    command: Callable[[int, float], str],
-    shown: Callable[[int, float], str],
-    after: str,
-    *,
-    direction: float = 1.0,
-    by: str | None = None,
-    has_slew: bool = True,
+def _sign_test(
+    model: ModelFile, words: Mapping[str, Any], values: Mapping[str, object], of_output: OfOutput
 ) -> SignTest:
-    """The test by the inputs for it of a generated program.
-
-    `command` and `shown` make from the number of the output (from 1) and the commanded value [µm] what a person sets
-    and sees; `direction` is −1 where what is commanded has the sign of the displacement; `by` says what commands, if it
-    is not the program; `has_slew`: what is commanded comes no faster than the slew limit.
-    """
     limits, _ = decided_limits(model)
     lines = []
     for k, output in enumerate(model.outputs, 1):
-        of = limits[output.name]
-        test_um = min(TEST_UM, of.clamp_um)
-        expected = direction * (-test_um if is_turned(output) else test_um)
-        wait_s = test_um / of.own_slew_um_per_s if has_slew else 0.0
-        lines.append(
-            Commanded(output.name, output.axis or "", command(k, test_um), shown(k, test_um), expected, wait_s)
-        )
-    unless = "" if by is not None else _UNLESS
-    return SignTest(before, tuple(lines), after, by or _by_program(model), _wrong(model), unless)
+        of, axis = limits[output.name], output.axis_or_name
+        um = min(TEST_UM, of.clamp_um)
+        units = {"um": um, "mm": um / 1000.0, "tenths": round(10.0 * um), "mode": int(Mode.TEST)}
+        own = {**values, **units, "k": k, "axis": axis.upper(), "small": axis.lower(), **of_output(k, um)}
+        command, shown = (words[part].format(**own) for part in ("command", "shown"))
+        expected_um = words.get("direction", 1.0) * (-um if is_turned(output) else um)
+        wait_s = 0.0 if "by" in words else um / of.own_slew_um_per_s
+        lines.append(Commanded(output.name, output.axis or "", command, shown, expected_um, wait_s))
+    before, after = (words[part].format(**values) for part in ("before", "after"))
+    by = words.get("by", "")
+    return SignTest(before, tuple(lines), after, by or _by_program(model), _wrong(model), "" if by else _UNLESS)
 
 
 def _by_program(model: ModelFile) -> str:
@@ -162,31 +153,22 @@ def with_sheet(
     target: str,
     model: ModelFile,
     files: Mapping[str, Any],
-    test: SignTest | None = None,
     findings: Iterable[Finding] = (),
+    of_output: OfOutput = lambda _k, _um: {},
     **values: object,
 ) -> Exported:
     """The files with what ``sheets.toml`` says of them, values in the places of its {names}.
 
-    `test`: the sign test, where the sheet has none. Its {k}, {axis}, {small}, {um}, {mm}, {tenths} are of an output.
+    In command and shown of the sign test stand also {k}, {axis}, {small}, {um}, {mm}, {tenths} of an output, and what
+    `of_output` has of its number and {um}. A test in which something else than the program commands says so in `by`,
+    and has it at once; a `direction` of −1: what is commanded has the sign of the displacement.
     """
     told = _sheets()[target]
-    words = told.get("sign", {})
+    words = told["sign"]
     words = {**_sheets()[words["like"]]["sign"], **words} if "like" in words else words
     axes = [output.axis_or_name for output in model.outputs]
     values = {"axes": ", ".join(axes), "first": axes[0].upper(), "small": axes[0].lower(), **values}
-
-    def said(part: str) -> Callable[[int, float], str]:
-        def of_output(k: int, um: float) -> str:
-            units = {"um": um, "mm": um / 1000.0, "tenths": round(10.0 * um), "mode": int(Mode.TEST)}
-            letters = {"axis": axes[k - 1].upper(), "small": axes[k - 1].lower()}
-            return str(words[part].format(**{**values, "k": k, **units, **letters}))
-
-        return of_output
-
-    if test is None:
-        before, after = (words[part].format(**values) for part in ("before", "after"))
-        test = sign_test(model, before, said("command"), said("shown"), after)
+    test = _sign_test(model, words, values, of_output)
     install, silently = (tuple(text.format(**values) for text in told[part]) for part in ("install", "silently"))
     return Exported(files, (*_wired_once(model), *install), test, silently, tuple(findings))
 

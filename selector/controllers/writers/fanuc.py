@@ -8,14 +8,7 @@ from typing import Any
 
 from selector.controllers.evaluator import output_bound_um
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import (
-    LEAST_GOOD_SAMPLES,
-    LONGEST_S,
-    LONGEST_STEP_S,
-    SAMPLE_S,
-    Mode,
-    decided_limits,
-)
+from selector.controllers.guard.decided import LEAST_GOOD_SAMPLES, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, decided_limits
 from selector.controllers.model_file import Fallback, ModelFile, kept_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import (
@@ -32,14 +25,7 @@ from selector.controllers.program.language import (
     Variable,
     plain,
 )
-from selector.controllers.writers.exported import (
-    Exported,
-    ExportRefusedError,
-    heading,
-    require_own_axes,
-    sign_test,
-    with_sheet,
-)
+from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, require_own_axes, with_sheet
 from selector.findings import Finding
 
 LONGEST_BLOCK = 72
@@ -350,17 +336,12 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
         "fanuc",
         model,
         {FILE: _program(model, names, left_out, is_sign_verified=is_sign_verified)},
-        sign_test(
-            model,
-            f"#{TIME} runs on. Set #{names.off} = 1 (no correction) and #{tests[0]} ... = 0; call "
-            f"G65 P{PROGRAM} once a second until #{corrections[0]} ... are 0. In MDI, command the axis to a "
-            "place in the work coordinate system. No sensor is needed.",
-            lambda k, um: f"#{tests[k - 1]} = {um:g}, then G65 P{PROGRAM} once a second, then the same place again",
-            lambda k, um: f"#{STATUS} = {Mode.TEST:d}, #{corrections[k - 1]} = {um:g}",
-            f"Set #{tests[0]} ... to 0, call G65 P{PROGRAM} until the corrections are 0, then set #{names.off} = 0.",
-        ),
         (*findings_of_macro(model, left_out), *open_limits),
+        lambda k, _um: {"test": tests[k - 1], "correction": corrections[k - 1]},
         time=TIME,
+        off=names.off,
+        first_test=tests[0],
+        first_correction=corrections[0],
         last_volatile=names.last_volatile,
         first_kept=FIRST_KEPT,
         last_kept=names.last_kept,

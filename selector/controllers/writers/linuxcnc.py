@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile, Output, kept_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, plain
 from selector.controllers.writers.c99 import c_parts
-from selector.controllers.writers.exported import Exported, filled, heading, require_own_axes, sign_test, with_sheet
+from selector.controllers.writers.exported import Exported, filled, heading, require_own_axes, with_sheet
 from selector.findings import Finding
 
 NAME = "thermcorr"
@@ -58,31 +57,14 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
             f"{NAME}.hal": _wiring(model, wired, is_sign_verified=is_sign_verified),
             **memory_files(model),
         },
-        sign_test(
-            model,
-            f"Machine on, homed, tool at rest; {_switched(0)}; wait until correction-1 ... are 0. No sensor is needed.",
-            lambda k, um: f"halcmd setp {NAME}.test-um-{k} {um:g}",
-            lambda k, um: (
-                f"halcmd getp {NAME}.mode: {Mode.TEST:d}, {NAME}.counts-{k}: {round(COUNTS_PER_UM * um)}"
-                + (f"; {offsets[k]} {um / 1000:g} mm" if k in offsets else "; no axis is wired to it")
-            ),
-            f"halcmd setp {NAME}.test-um-1 0 ...; when the indicator is back at zero, {_switched(1)}.",
-        ),
         findings,
+        lambda k, um: {"wired": f"{offsets[k]} {um / 1000:g} mm" if k in offsets else "no axis is wired to it"},
         name=NAME,
         sections=axes or " [AXIS_...]",
         inputs=inputs,
         inch=0.0001 / 25.4,
         shown=f", and {', '.join(offsets.values())} the same in mm." if offsets else "; no axis is wired.",
         periods=READY_PERIODS,
-    )
-
-
-def _switched(to: int) -> str:
-    """The operator's switch by hand; halcmd refuses to set a linked pin, and a signal that a pin writes."""
-    return (
-        f"halcmd setp {NAME}.is-wanted {to} (where the line net {NAME}-wanted is in use, the switch that it names: "
-        f"{'on' if to else 'off'}; halcmd refuses to set a pin that is linked)"
     )
 
 

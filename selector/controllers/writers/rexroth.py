@@ -15,7 +15,7 @@ from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import is_turned
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.controllers.program.language import plain
-from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test, with_sheet
+from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, with_sheet
 from selector.findings import Finding
 
 FILE = "indradrive_axis_correction.txt"
@@ -41,26 +41,7 @@ def rexroth_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
     lines = [f"; {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
     for output in model.outputs:
         lines += _table(model, output, found[output.name])
-    return with_sheet(
-        "rexroth",
-        model,
-        {FILE: "\n".join(lines) + "\n"},
-        sign_test(
-            model,
-            "Let the drive have a steady temperature T; P-0-0406 = 0, P-0-0407 = 0: no correction.",
-            lambda k, um: f"P-0-0402 = T − 1 K, P-0-0407 = {um:g} µm/K: a correction value of {um:g} µm",
-            lambda k, um: (
-                f"a correction value of {um:g} µm, where the drive shows one. It says that the axis is {um:g} µm "
-                "too far, so the drive has to take it back"
-            ),
-            "P-0-0407 = 0; when the indicator is back at zero, enter the values of the file.",
-            direction=-1.0,
-            has_slew=False,
-            by="There is no program that could command a value: the drive's own parameters are set for the test.",
-        ),
-        _findings(model, found),
-        file=FILE,
-    )
+    return with_sheet("rexroth", model, {FILE: "\n".join(lines) + "\n"}, _findings(model, found), file=FILE)
 
 
 def drive_parameters(model: ModelFile, output: Output) -> DriveParameters:
