@@ -6,7 +6,7 @@ from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.model_file import ModelFile, Output, kept_sha256
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import Program, plain
+from selector.controllers.program.language import Program, Variable, plain
 from selector.controllers.writers.c99 import c_parts
 from selector.controllers.writers.exported import Exported, filled, heading, require_own_axes, with_sheet
 from selector.findings import Finding
@@ -16,8 +16,6 @@ NAME = "thermcorr"
 COUNTS_PER_UM = 10  #: ``axis.L.eoffset-counts`` are tenths of a micrometre; ``axis.L.eoffset-scale`` is this in mm.
 #: So many calls nothing is corrected after machine on and homed: LinuxCNC adds up differences of counts since then.
 READY_PERIODS = 10
-#: What an input for a reading has while nothing is wired to it: no reading, and so the sensor is missing.
-UNWIRED = 1e30
 _LINEAR_AXES, _AXES = "xyzuvw", "xyzabcuvw"
 _HAL_TYPES = {"real": "float", "flag": "bit", "code": "s32"}
 
@@ -75,9 +73,6 @@ def component(model: ModelFile, *, is_sign_verified: bool = False) -> str:
     said = "set it, with restart, before the thread starts"
     kept = [Pin(one.name, _HAL_TYPES[one.kind], f"{one.about}; {said}") for one in program.of("retained")]
     at, outputs = "__comp_inst->", range(1, len(model.outputs) + 1)
-    inputs = {f"reading_{k}": "" for k in range(1, len(model.inputs) + 1)}
-    inputs |= {f"position_{k}": " / 1000.0" for k in range(1, len(axes_of(model)) + 1)}
-    inputs |= {f"test_um_{k}": "" for k in outputs} | dict.fromkeys(_of_touch_offs(program), "")
     return filled(
         "linuxcnc_component",
         **c_parts(program, "double"),
@@ -88,7 +83,7 @@ def component(model: ModelFile, *, is_sign_verified: bool = False) -> str:
         ready_after=READY_PERIODS,
         parameters=[f"param rw {_declared(one)}" for one in kept],
         counts_per_um=COUNTS_PER_UM,
-        inputs=[f"    m->{name} = *{at}{name}{factor};" for name, factor in inputs.items()],
+        inputs=[f"    m->{one.name} = *{at}{one.name}{' / 1000.0' * _is_position(one)};" for one in _taken(program)],
         restored=[f"        m->{one.name} = {at}{one.name};" for one in kept],
         dropped=[f"        m->{one.name} = 0;" for one in kept if one.hal_type == "bit"]
         + [f"        m->good_for_{k} = -1.0;" for k in range(1, len(model.inputs) + 1)],
@@ -100,8 +95,6 @@ def component(model: ModelFile, *, is_sign_verified: bool = False) -> str:
 
 def input_pins(model: ModelFile) -> list[Pin]:
     """In the order of the component."""
-    program = guarded_program(model)
-    known = {one.name: one for one in program.variables}
     pins = [
         Pin("dt", "float", "time since the last call [s]; 0: the period of the thread", 0.0),
         Pin("is_enabled", "bit", "wire motion.motion-enabled", 0),
@@ -111,21 +104,21 @@ def input_pins(model: ModelFile) -> list[Pin]:
         Pin("standstill", "float", "[s]", 0.0),
         Pin("new_start", "bit", "while true, start readings and memory are taken anew", 0),
     ]
-    for k in range(1, len(model.inputs) + 1):
-        pins.append(Pin(f"reading_{k}", "float", known[f"reading_{k}"].about, UNWIRED))
-    for k, axis in enumerate(axes_of(model), start=1):
-        pins.append(Pin(f"position_{k}", "float", f"position of axis {axis} [mm]", UNWIRED))
-    for k in range(1, len(model.outputs) + 1):
-        pins.append(Pin(f"test_um_{k}", "float", known[f"test_um_{k}"].about, 0.0))
-    for name in _of_touch_offs(program):
-        is_flag = known[name].kind == "flag"
-        pins.append(Pin(name, _HAL_TYPES[known[name].kind], known[name].about, 0 if is_flag else UNWIRED))
+    for one in _taken(guarded_program(model)):
+        about = one.about.replace("[m]", "[mm]") if _is_position(one) else one.about
+        initial = int(one.initial) if one.kind == "flag" else one.initial
+        pins.append(Pin(one.name, _HAL_TYPES[one.kind], about, initial))
     return pins
 
 
-def _of_touch_offs(program: Program) -> list[str]:
-    """Inputs that only a model with adaptation has."""
-    return [one.name for one in program.of("input") if one.name == "is_touch_valid" or one.name.startswith("touch_um_")]
+def _taken(program: Program) -> list[Variable]:
+    """Inputs that are pins as they are, positions in mm; without touch-offs the last two kinds are not there."""
+    kinds = ("reading_", "position_", "test_um_", "is_touch_valid", "touch_um_")
+    return [one for kind in kinds for one in program.of("input") if one.name.startswith(kind)]
+
+
+def _is_position(one: Variable) -> bool:
+    return one.name.startswith("position_")
 
 
 def output_pins(model: ModelFile) -> list[Pin]:
