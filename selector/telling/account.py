@@ -176,14 +176,21 @@ class Account:
 
 
 @cache
-def _legends() -> dict[str, dict[str, str]]:
+def _legends() -> dict[str, dict[str, Any]]:
     return tomllib.loads(Path(__file__).with_name("legends.toml").read_text(encoding="utf-8"))
 
 
 def legend(key: str) -> str:
     """How a table or a drawing is read, as ``legends.toml`` has it, e.g. of ``"vibration.errors"``."""
     room, name = key.split(".")
-    return _legends()[room][name]
+    text: str = _legends()[room][name]
+    return text
+
+
+def steps(key: str, **values: object) -> tuple[str, ...]:
+    """Steps or sentences that ``legends.toml`` has in a list, values in the places of their {names}."""
+    room, name = key.split(".")
+    return tuple(text.format(**values).strip() for text in _legends()[room][name])
 
 
 def table(

@@ -18,6 +18,7 @@ from selector.telling.account import (
     legend,
     section,
     sections,
+    steps,
     table,
     warnings_section,
 )
@@ -110,16 +111,9 @@ def _of_response(name: str, of: Judged, found: Adaptation) -> str:
 
 def _steps(found: Adaptation) -> tuple[str, ...]:
     if found.kind == "none":
-        return ("Use the model as it is: these runs do not show that touch-offs would make it better.",)
+        return steps("adapted.as-it-is")
     often = "as in these runs" if found.every_s is None else f"every {span_text(found.every_s)}"
-    return (
-        "Export model.json of this folder for your control (`selector export`); its program has the inputs "
-        "is_touch_valid and touch_um_1 ….",
-        f"While the machine runs, probe a datum that does not move {often}, with the correction on.",
-        "Give what the probe shows (tool against workpiece, + as the output) to touch_um_1 … and set is_touch_valid "
-        "for one call.",
-        "If a reading is not believed, the program waits for a second one that agrees: look for chips, probe again.",
-    )
+    return steps("adapted.steps", often=often)
 
 
 _HEADINGS = [">with touch-offs", ">largest", ">model alone", ">before", ">touch-offs", ">in 90 % interval"]
@@ -161,13 +155,6 @@ def _drawings(found: Adaptation, drawn: bool) -> list[Drawing]:
         for run, one in ranked:
             if one.rmse_um is None or one.without_rmse_um is None:
                 continue
-            text = "" if drawings else _READ
+            text = "" if drawings else legend("adapted.runs").format(most=MOST_DRAWN)
             drawings.append(Drawing(adapted_run(run, name, one.without_rmse_um, one.rmse_um), text))
     return drawings
-
-
-_READ = (
-    f"The runs with the largest errors, at most {MOST_DRAWN} a response. Grey: what the model alone leaves. Vermilion: "
-    "what is left with touch-offs (dotted lines), each sample with what was known before it. Dotted grey: the interval "
-    "in which 90 % of the samples were expected."
-)

@@ -27,6 +27,7 @@ from selector.telling.account import (
     Table,
     legend,
     remarks_of,
+    steps,
     table,
 )
 from selector.telling.model_card import STANDARD, card_blocks, formula_blocks, limits_table, sensors_table
@@ -53,7 +54,10 @@ def commissioning_account(
     )
     return Account(
         f"Thermal correction: {target.title}",
-        (*(_VERIFIED if is_sign_verified else _UNVERIFIED), _NO_REPLAY if replay is None else verdict_of(replay)),
+        (
+            *steps("commissioning.verified" if is_sign_verified else "commissioning.unverified"),
+            legend("commissioning.no-replay") if replay is None else verdict_of(replay),
+        ),
         (
             Section("sign", "Sign test", _sign_blocks(model, program.sign_test, target, name, is_sign_verified)),
             Section("install", "Installing", _install_blocks(program)),
@@ -77,40 +81,15 @@ def commissioning_account(
     )
 
 
-_VERIFIED = (
-    "The sign was said to be verified.",
-    "Repeat the sign test after every change of sensors, axes or this program.",
-)
-_UNVERIFIED = (
-    "SIGN UNVERIFIED. Do the sign test of the commissioning sheet before the first cut.",
-    "A correction of the wrong sign doubles the error. Export again with `--sign-verified` when the test is passed.",
-)
-_NO_REPLAY = "No recording was replayed through this program."
-
-
 def _turned(model: ModelFile) -> str:
     return ", ".join(output.name for output in model.outputs if is_turned(output))
 
 
 def _sign_blocks(model: ModelFile, test: SignTest, target: Target, name: str, is_verified: bool) -> tuple[Block, ...]:
     too_quick = target.has_guard and any(item.rate_limit_per_min is not None for item in model.inputs)
-    steps = [
-        test.before,
-        "Clamp an indicator on the table and touch the tool, so that it reads the tool against the workpiece, + in the "
-        "direction of + of the axis. Set it to zero.",
-        f"Command one line of the table and wait until the control shows what it says. {test.unless}".strip(),
-        "Read the indicator. The other sign, while the control shows what the table says: "
-        f"{test.wrong}. Another size: the unit is wrong.",
-        "Take the command back and wait until the indicator is back at zero. For the next line begin again with step "
-        "2.",
-        test.after,
-    ]
+    told = steps("commissioning.sign", **vars(test))
     if not is_verified:
-        steps.append(
-            "Every line right: export again with the same options and "
-            f"`--sign-verified --tested {name}:{equations_sha256(model)[:16]}`. Another program than the tested one is "
-            "refused then."
-        )
+        told += steps("commissioning.passed", tested=f"{name}:{equations_sha256(model)[:16]}")
     form = table(
         ["output", "axis", "command", "wait", "the control shows", "the indicator has to read [µm]", "read [µm]",
          "right", "date, name"],
@@ -122,13 +101,9 @@ def _sign_blocks(model: ModelFile, test: SignTest, target: Target, name: str, is
     )  # fmt: skip
     return (
         Paragraph(f"{test.by} For every axis, with the tool at rest, away from the workpiece:"),
-        Items(tuple(steps), are_steps=True),
+        Items(told, are_steps=True),
         Form(form),
-        Paragraph(
-            "In doubt about the direction of the indicator: a warm machine has to get better, not worse, when the "
-            "correction is switched on."
-            + (" Warming a sensor by hand is too quick and counts as a fault." if too_quick else "")
-        ),
+        Paragraph(legend("commissioning.in-doubt") + (legend("commissioning.too-quick") if too_quick else "")),
     )
 
 
@@ -154,32 +129,19 @@ def _touch_offs(model: ModelFile) -> tuple[Section, ...]:
         return ()
     names = [output.name for output in model.outputs]
     inputs = ", ".join(f"`touch_um_{names.index(of.output) + 1}` ({of.output})" for of in model.adaptation.outputs)
-    steps = (
-        "Probe a datum that the correction should hold, with the correction on and the axis where it is used.",
-        f"Write what the probe shows of the displacement in µm, with its sign, to {inputs}; leave what was not "
-        "probed at no number (1e30).",
-        "Then set `is_touch_valid` for one call or longer, and back. The touch-off acts with the next sample.",
-        "Read `touch_1` …: 1 believed; 2 doubted, so look for chips and probe again; 3 not used, the model "
-        "was not in force.",
-        "New start readings forget offset and gain of outputs that are rises. What is under 'to be kept' has to "
-        "outlive power-off, or the machine is probed again after it.",
-    )
-    return (Section("touch-offs", "Touch-offs", (Items(tuple(f"☐ {step}" for step in steps), are_steps=True),)),)
+    told = steps("commissioning.touch-offs", inputs=inputs)
+    return (Section("touch-offs", "Touch-offs", (Items(told, are_steps=True),)),)
 
 
 def _limits(model: ModelFile, target: Target) -> Block:
     if target.has_guard:
         return Captioned("", limits_table(model), on_screen=False)
-    return Paragraph("This control has none of them: what is listed under “What the control does silently” holds.")
+    return Paragraph(legend("commissioning.no-limits"))
 
 
 def _replay_blocks(model: ModelFile, replay: Replay | None) -> tuple[Block, ...]:
     if replay is None:
-        return (
-            Paragraph(
-                "No recording was replayed: export with `--replay RUN.csv` to see what this program would have done."
-            ),
-        )
+        return (Paragraph(legend("commissioning.to-replay")),)
     return (
         Paragraph(verdict_of(replay)),
         Captioned("", replay_table(replay)),
