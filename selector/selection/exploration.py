@@ -218,29 +218,21 @@ class Exploration:
         ranges = _ranges(runs, Design(sensors, surveyed.question.responses, datum))
         say("done", 1.0)
         found = cls(surveyed.question, sensors, folds.linear_bench(None), folds, ranges, surveyed.findings)
-        return found.asking(never=given.never) if given.never else found
+        return found.asking(given) if given.never else found
 
-    def asking(
-        self,
-        *,
-        must: Sequence[str] | None = None,
-        never: Sequence[str] | None = None,
-        cost: Mapping[str, float] | None = None,
-        max_sensors: int | None = None,
-    ) -> "Exploration":
-        """The same recordings with other wishes; what is None stays.
+    def asking(self, options: Options) -> "Exploration":
+        """The same recordings with other wishes: sensors to be kept or left out, their cost, and how many.
 
         Raises OptionError: a sensor is unknown, in both lists, none is left, or more must be kept than a set may hold.
         """
-        before = self.question.options
-        options = replace(
-            before,
-            must=before.must if must is None else tuple(must),
-            never=before.never if never is None else tuple(never),
-            cost=before.cost if cost is None else dict(cost),
-            max_sensors=before.max_sensors if max_sensors is None else max_sensors,
+        now = replace(
+            self.question.options,
+            must=options.must,
+            never=options.never,
+            cost=dict(options.cost),
+            max_sensors=options.max_sensors,
         )
-        unusable = [name for name in options.must if name not in self.available]
+        unusable = [name for name in now.must if name not in self.available]
         if unusable:
             raise OptionError(
                 ", ".join(unusable),
@@ -248,8 +240,8 @@ class Exploration:
                 where="--must",
                 advice="take it out of --must",
             )
-        sensors = allowed_sensors(self.available, options)
-        return replace(self, question=replace(self.question, options=options, sensors=sensors))
+        sensors = allowed_sensors(self.available, now)
+        return replace(self, question=replace(self.question, options=now, sensors=sensors))
 
     @property
     def parts(self) -> str:

@@ -133,9 +133,7 @@ class Live:
             now = found.question.options
             wishes = (options.must, options.never, dict(options.cost), options.max_sensors)
             if wishes != (now.must, now.never, dict(now.cost), now.max_sensors):
-                found = found.asking(
-                    must=options.must, never=options.never, cost=options.cost, max_sensors=options.max_sensors
-                )
+                found = found.asking(options)
             self._as_wished = made, found
             return found
 

@@ -195,7 +195,7 @@ class TestHardRecordings:
 
 class TestWishes:
     def test_never_must_and_max(self, explored, source):
-        asked = explored.asking(must=("T7",), never=("T1",), max_sensors=2)
+        asked = explored.asking(Options(must=("T7",), never=("T1",), max_sensors=2))
         cut = asked.cut(0.9)
         assert "T7" in cut.taken
         assert "T1" not in {name for group in cut.groups for name in group.sensors}
@@ -207,7 +207,7 @@ class TestWishes:
         groups = explored.cut(0.95).groups
         (group,) = [group for group in groups if "T2" in group.sensors and len(group.sensors) > 1]
         assert "largest" in group.because
-        dear = explored.asking(cost={group.representatives[0]: 5.0})
+        dear = explored.asking(Options(cost={group.representatives[0]: 5.0}))
         assert dear.question.options.total_cost(group.representatives) == 5.0
 
     @pytest.mark.parametrize(
@@ -221,14 +221,14 @@ class TestWishes:
     )
     def test_impossible_wishes(self, explored, wishes, said):
         with pytest.raises(OptionError, match=said):
-            explored.asking(**wishes)
+            explored.asking(Options(**wishes))
 
     def test_a_set_of_unknown_sensors(self, explored):
         with pytest.raises(OptionError, match="T9"):
             explored.fixed(("T1", "T9"))
 
     def test_groups_say_why(self, explored):
-        cut = explored.asking(must=("T3",)).cut(0.0)
+        cut = explored.asking(Options(must=("T3",))).cut(0.0)
         (group,) = cut.groups
         assert group.representatives == ("T3",)
         assert group.because == "must be kept"
