@@ -160,22 +160,16 @@ class RunInfo:
         return {"run": self.name, **shown, **({"beside": beside} if beside else {})}
 
 
-@dataclass(frozen=True)
-class ChannelInfo:
-    """One channel: the column and unit in the file, what it became, and which of that was guessed.
+@dataclass(frozen=True, kw_only=True)
+class ChannelInfo(Channel):
+    """A channel with the column and unit that it has in the file, and which of what is said of it was guessed.
 
     `units_of_runs` says the unit of each run where they differ; `unit_in_file` then names all of them.
     """
 
-    name: str
     column: str
-    role: str
-    unit: str
     unit_in_file: str
     guessed: tuple[str, ...]
-    place: str | None = None
-    axis: str | None = None
-    xyz_m: tuple[float, float, float] | None = None
     units_of_runs: Mapping[str, str] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
@@ -350,9 +344,13 @@ def _channel_info(planned: Plan, runs: Sequence[TimedRun]) -> Iterator[ChannelIn
     for channel in planned.channels:
         column = channel.headers[next(run.name for run in runs if run.name in channel.headers)]
         units = tuple(dict.fromkeys(channel.units.values()))
-        of = channel_of(channel)
-        info = ChannelInfo(of.name, column, of.role, of.unit, ", ".join(units), channel.guessed, of.place, of.axis)
-        yield replace(info, xyz_m=of.xyz_m, units_of_runs=dict(channel.units) if len(units) > 1 else {})
+        yield ChannelInfo(
+            **vars(channel_of(channel)),
+            column=column,
+            unit_in_file=", ".join(units),
+            guessed=channel.guessed,
+            units_of_runs=dict(channel.units) if len(units) > 1 else {},
+        )
 
 
 def _how(runs: Sequence[TimedRun]) -> dict[str, Any]:
@@ -393,7 +391,7 @@ def machine_of(reading: Reading) -> Machine:
     return Machine(machine=name, time=section, channels=channels, runs=declared.runs)
 
 
-def channel_section(of: ChannelInfo | Channel, column: str, unit: str | None) -> ChannelSection:
+def channel_section(of: Channel, column: str, unit: str | None) -> ChannelSection:
     """What a machine file says of a channel that stands in this column in this unit."""
     own = None if column == of.name else column
     return ChannelSection(column=own, role=of.role, unit=unit, place=of.place, axis=of.axis, xyz=of.xyz_m)
