@@ -13,34 +13,26 @@ from selector.figures.style import Changes, changed
 from selector.figures.traces import Traced, beside_each_other, common_ranges, telling_samples
 from selector.number_text import number_text
 from selector.selection import Selection
-from selector.selection.result import BEST_OF_SIZE, FIXED_SET, PROCEDURE, Trace
+from selector.selection.exploration import HeldOutPart
+from selector.selection.result import BEST_OF_SIZE, FIXED_SET, PROCEDURE, RunProof, Trace
 
 KINDS = {"run": "runs", "condition": "conditions", "block": "stretches"}
 _BARS = (("without compensation, rms", style.BEFORE, -0.38), ("with the model, rms", style.PREDICTED, 0.0))
 _ROOM_PX, _RUN_PX, _LEAST_PX = 150, 34, 120
 
 
-@dataclass(frozen=True)
-class RunError:
-    """Errors of one run [µm]; the largest one is None where it is not known."""
-
-    name: str
-    before_rmse_um: float
-    rmse_um: float
-    max_um: float | None = None
+#: Errors of every run [µm]; of a set that was fixed before, the largest ones are not known.
+RunErrors = Sequence[RunProof | HeldOutPart]
 
 
 def errors_per_run(selection: Selection, response: str) -> go.Figure:
     """Error of every unseen run without compensation and with the model."""
-    runs = [
-        RunError(part.name, part.before_rmse_um, part.rmse_um, part.max_um)
-        for part in selection.proof.per_response[response]
-    ]
+    runs = selection.proof.per_response[response]
     title = run_errors_title(response, runs, KINDS[selection.proof.left_out])
     return changed(run_errors_picture(runs, title), run_error_changes(response, runs))
 
 
-def run_errors_title(response: str, runs: Sequence[RunError], kind: str) -> str:
+def run_errors_title(response: str, runs: RunErrors, kind: str) -> str:
     """On which runs the model is worse than none; `kind` is what they are called, e.g. ``"runs"``."""
     worse = [one.name for one in runs if one.rmse_um >= one.before_rmse_um]
     if not worse:
@@ -51,7 +43,7 @@ def run_errors_title(response: str, runs: Sequence[RunError], kind: str) -> str:
     )
 
 
-def run_errors_picture(runs: Sequence[RunError], title: str) -> go.Figure:
+def run_errors_picture(runs: RunErrors, title: str) -> go.Figure:
     """The frame for the errors of these runs; `run_error_changes` fills it."""
     n = len(runs)
     drawn = style.figure(title, _ROOM_PX + max(_LEAST_PX, _RUN_PX * n))
@@ -60,7 +52,7 @@ def run_errors_picture(runs: Sequence[RunError], title: str) -> go.Figure:
         style.bars(drawn, None, rows, colour, name, f"{name}: %{{x:.4g}} µm", offset=offset, width=0.38)
     largest = "with the model, largest"
     look = {"symbol": "diamond-open", "line": {"width": 2}}
-    is_known = any(one.max_um is not None for one in runs)
+    is_known = any(isinstance(one, RunProof) for one in runs)
     middles = [row + 0.19 for row in rows]
     style.points(
         drawn, None, middles, style.RESIDUAL, largest, f"{largest}: %{{x:.4g}} µm", marker=look, visible=is_known
@@ -75,13 +67,13 @@ def run_errors_picture(runs: Sequence[RunError], title: str) -> go.Figure:
     return drawn
 
 
-def run_error_changes(response: str, runs: Sequence[RunError]) -> Changes:
+def run_error_changes(response: str, runs: RunErrors) -> Changes:
     """The errors of a response in the same runs, in the frame of `run_errors_picture`."""
     changes: dict[tuple[str | int, ...], object] = {
         ("layout", "xaxis", "title", "text"): f"error of {style.label(response)} [µm]",
         ("data", 0, "x"): [one.before_rmse_um for one in runs],
         ("data", 1, "x"): [one.rmse_um for one in runs],
-        ("data", 2, "x"): [one.max_um for one in runs],
+        ("data", 2, "x"): [one.max_um if isinstance(one, RunProof) else None for one in runs],
     }
     for row, one in enumerate(runs):
         both = f"{number_text(one.before_rmse_um)} → <b>{number_text(one.rmse_um)}</b>"

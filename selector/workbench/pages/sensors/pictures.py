@@ -1,7 +1,7 @@
 """The pictures, words and numbers of the Sensors page: drawn whole once, after that only what a move changes."""
 
 import html
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import plotly.graph_objects as go
@@ -11,7 +11,6 @@ from selector.figures.grouping import CutShown, group_colours, tree_changes, tre
 from selector.figures.places import machine_changes, machine_picture
 from selector.figures.proof import (
     KINDS,
-    RunError,
     SetError,
     run_error_changes,
     run_errors_picture,
@@ -21,6 +20,7 @@ from selector.figures.proof import (
 )
 from selector.figures.style import Changes, changed
 from selector.number_text import number_text
+from selector.selection.exploration import HeldOutPart
 from selector.sensors.groups import Dendrogram, dendrogram
 from selector.workbench.live import View
 from selector.workbench.pages.sensors.machine import Pins
@@ -131,8 +131,8 @@ def _set_changes(view: View) -> Changes:
     return set_error_changes(view.response, everywhere, of_cut, taken, before_um, view.target_um)
 
 
-def _runs(view: View) -> list[RunError]:
-    return [RunError(part.name, part.before_rmse_um, part.rmse_um) for part in view.fixed.models[view.response].parts]
+def _runs(view: View) -> Sequence[HeldOutPart]:
+    return view.fixed.models[view.response].parts
 
 
 def _cut(view: View) -> CutShown:
