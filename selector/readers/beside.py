@@ -285,7 +285,9 @@ def on_clock(clock_s: Vector, time_s: Vector, values: np.ndarray) -> np.ndarray:
         return result
     after = np.clip(np.searchsorted(time_s, clock_s), 1, len(time_s) - 1)
     nearest = after - (clock_s - time_s[after - 1] < time_s[after] - clock_s)
-    known = np.abs(time_s[nearest] - clock_s) <= own_s
+    # before the first reading and after the last one, a whole period would be a reading of another sample
+    is_between = (time_s[0] <= clock_s) & (clock_s <= time_s[-1])
+    known = np.abs(time_s[nearest] - clock_s) <= np.where(is_between, own_s, 0.5 * own_s)
     result[known] = values[nearest[known]]
     return result
 

@@ -113,6 +113,15 @@ def test_of_a_logger_as_quick_the_nearest_reading_is_taken_and_none_over_a_gap()
     np.testing.assert_array_equal(on_clock(np.arange(0.0, 70.0, 10.0), time, values)[:, 0], expected)
 
 
+@pytest.mark.parametrize("late_s", [60.0, 140.0, 170.0, 180.0])
+def test_a_run_does_not_begin_a_period_before_the_gauge_nor_end_one_after_it(late_s):
+    clock, gauge_s = 60.0 * np.arange(12), late_s + 60.0 * np.arange(5)
+    on = on_clock(clock, gauge_s, np.arange(5.0)[:, None])[:, 0]
+    # no reading counts farther from its time than half a period, and none twice
+    assert np.abs(gauge_s - clock[np.isfinite(on)]).max() <= 30.0
+    np.testing.assert_array_equal(on[np.isfinite(on)], np.arange(5.0))
+
+
 def test_the_slower_logger_has_the_clock_whichever_is_first(loggers):
     files = [loggers / "logger_1.csv", loggers / "gauge_1.csv"]
     seen = []
