@@ -128,7 +128,7 @@ class Tested:
 
     def choice(self, plan: Plan) -> Choice:
         """The cheapest of the good trials that a plan allows."""
-        allowed, eligible = self._allowed((plan[0], self.question.options.max_sensors)), self._allowed(plan)
+        allowed, eligible = self._allowed((plan[0], self.question.max_sensors)), self._allowed(plan)
         return Choice(self._best(eligible, plan[0]), best_by_size(allowed), allowed, eligible)
 
     def _best(self, trials: Sequence[Trial], offer: Offer) -> Trial:
@@ -156,7 +156,7 @@ class Tested:
 
     def _agreed(self, offer: Offer) -> Agreement:
         if offer not in self.agreements:
-            trials = self._allowed((offer, self.question.options.max_sensors))
+            trials = self._allowed((offer, self.question.max_sensors))
             sets = [(trial.set.sensors, trial.shape) for trial in trials]
             self.agreements[offer] = Agreement.of(self.bench, sets, np.array([trial.error for trial in trials]))
         return self.agreements[offer]
@@ -188,7 +188,7 @@ def plans(question: Question) -> tuple[Plan, ...]:
     options = question.options
     rules = (options.level, options.tolerance, options.within, options.target, options.formula)
     bounded = any(rule is not None for rule in rules)
-    sizes = [max(options.max_sensors, len(question.needed))] if bounded else range(1, options.max_sensors + 1)
+    sizes = [question.max_sensors] if bounded else range(1, question.max_sensors + 1)
     return tuple((offer, most) for offer in offers(question) for most in sizes)
 
 

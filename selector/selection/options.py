@@ -191,6 +191,11 @@ class Question:
         formula = self.options.asked_formula
         return self.options.must if formula is None else formula.variables
 
+    @property
+    def max_sensors(self) -> int:
+        """Most sensors in a set; a formula may name more than `max_sensors` of the options."""
+        return max(self.options.max_sensors, len(self.needed))
+
 
 def _of_axis(name: str, source: RunSource, displacements: Sequence[str]) -> str:
     """The channel of this name; if there is none, the one displacement whose axis is called so."""

@@ -43,6 +43,14 @@ def test_the_second_model_of_the_patent_comes_out(patent):
     assert {one.sensors for one in selection.combinations} == {("T1", "T3", "T5")}
 
 
+def test_a_formula_may_name_more_sensors_than_a_set_has_by_default(milling):
+    named = tuple(one.name for one in milling.channels if one.role == "temperature")[:7]
+    assert len(named) > Options().max_sensors
+    selection = select(milling, Options(formula=f"Z ~ {' + '.join(f'`{name}`' for name in named)}"))
+    assert selection.chosen == named
+    assert len(selection.as_dict()["models"]["Z"]["terms"]) == len(named)
+
+
 @pytest.mark.parametrize("formula", ["Z ~ T1:T3", "Z ~ I(T1**2) + T3", "Z ~ T1 + I(T1**3) + T1:T3"])
 def test_products_without_their_factors_are_fitted_as_they_stand(patent, formula):
     """The same as ordinary least squares on the rises themselves."""
