@@ -16,6 +16,7 @@ from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
+from selector.errors import CancelledError
 
 if TYPE_CHECKING:
     from selector.readers import Reading
@@ -122,7 +123,11 @@ def convert(
 def _into_lake(reading: "Reading", folder: Path) -> tuple[list[Path], dict[str, int], str]:
     from selector.live.lake import kept
 
-    paths, new, other = kept(reading, folder)
+    try:
+        paths, new, other = kept(reading, folder)
+    except KeyboardInterrupt as stop:
+        said = f"stopped. The days that are in {folder} by now stay, and are whole; the same command goes on"
+        raise CancelledError(said) from stop
     rows = len(reading.recording.frame)
     files = "the file of a day" if len(paths) == 1 else f"{len(paths)} files of days"
     told = f"{rows} rows are in {files} in {folder}" + f"; {rows - new} times were there already" * (new < rows)

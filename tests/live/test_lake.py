@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from selector.cli import exit_status
+from selector.live.lake import Lake
 
 MACHINE = """\
 [machine]
@@ -57,6 +58,27 @@ def test_days_months_roles_and_units_are_those_of_collected_ones(tmp_path, machi
     assert exit_status(["describe", str(lake), *window]) == 0
     (run,) = json.loads(capsys.readouterr().out)["runs"]
     assert (run["rows"], run["start"][:19]) == (13, "2026-04-01T00:00:00")
+
+
+def test_a_ctrl_c_between_days_tells_what_stays_and_the_same_command_goes_on(tmp_path, machine, capsys, monkeypatch):
+    files = [table(tmp_path / f"r{day}.csv", f"2026-03-0{day} 06:00:00", 10) for day in (1, 2, 3)]
+    whole, done = Lake.put, []
+
+    def put_two(self, *given):
+        done.append(given)
+        if len(done) == 3:
+            raise KeyboardInterrupt
+        return whole(self, *given)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Lake, "put", put_two)
+        assert put(tmp_path / "lake", machine, *files) == 130
+    told = capsys.readouterr().err
+    assert "Nothing was written" not in told
+    assert f"The days that are in {tmp_path / 'lake'} by now stay" in told
+    assert put(tmp_path / "lake", machine, *files) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (len(said["files"]), said["rows"], said["new_rows"]) == (3, 30, 10)
 
 
 def test_late_and_double_files_fill_what_is_missing_and_nothing_twice(tmp_path, machine, capsys):

@@ -195,7 +195,7 @@ def show_captioned(
     rows, said = told.table.rows, set() if noted is None else noted
     console.print(_table_of(told, told.caption or otherwise, most))
     left = 0 if most is None else max(0, len(rows) - most)
-    more = f"{left} more rows are in the page and in the JSON. " if left else ""
+    more = f"{left} more rows are not shown; --json has them. " if left else ""
     note = more + ("" if told.table.note in said else told.table.note)
     if note:
         console.print(_harmless(note), "", sep="\n", style="dim", markup=False)
