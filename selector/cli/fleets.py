@@ -52,7 +52,7 @@ def run(
         raise CancelledError(
             f"stopped. What is done is kept in {asked.results}; the same command goes on from there."
         ) from None
-    _show(fleet_account(answer, title=_title(asked)), as_json=as_json)
+    _show(fleet_account(answer, title=_title(asked)), "the page of `selector fleet report`", as_json=as_json)
 
 
 def watch(
@@ -71,7 +71,7 @@ def watch(
     asked = read_fleet(fleet)
     with fleet_progress() as tell:
         account = watch_account(watch_fleet(asked, tell), title=_title(asked))
-    _show(account, as_json=as_json)
+    _show(account, "the page of --out", as_json=as_json)
     if out is not None:
         write_account(account, out)
         showing.show_written(showing.screen(as_json), out)
@@ -91,7 +91,7 @@ def report(
     missing = [name for name in asked.studies if name not in answer.machines]
     account = fleet_account(answer, missing, title=_title(asked), beside=overview(asked.results, answer))
     page = write_account(account, out or asked.results / "fleet.html")
-    _show(account, as_json=as_json)
+    _show(account, "the page", as_json=as_json)
     showing.show_written(showing.screen(as_json), page)
 
 
@@ -117,7 +117,7 @@ def sisters(
     with progress_bar(spoken=True) as say:
         answer, model = sisters_in(asked, machine, runs, say)
     account = sisters_account(answer, title=_title(asked))
-    _show(account, as_json=as_json)
+    _show(account, "--json", as_json=as_json)
     if out is not None and model is not None:
         write_model(model, out)
         showing.show_written(showing.screen(as_json), out)
@@ -130,11 +130,11 @@ def sisters(
         showing.screen(as_json).print(told, markup=False)
 
 
-def _show(account: Account, *, as_json: bool) -> None:
+def _show(account: Account, rest: str, *, as_json: bool) -> None:
     if as_json:
         showing.print_json(account.data)
-    else:
-        showing.show_account(showing.screen(), account)
+    elif not showing.show_account(console := showing.screen(), account, most_lines=showing.MOST_LINES):
+        console.print(f"Everything else that is known is in {rest}.", markup=False)
 
 
 def _require_page(out: Path | None) -> None:

@@ -7,6 +7,7 @@ import time
 
 import pytest
 
+from selector.cli import exit_status
 from selector.errors import ResultError
 from selector.fleet import RESULT_FILE, Answer, Processes, read_answer, read_fleet, run_fleet
 from selector.fleet.machine_study import Task
@@ -54,6 +55,20 @@ DONE = Answer(status="done", key="k", sensors=("T1",), heldout_rmse_um={"Z": 1.0
 def fleet(tmp_path):
     """Four machines whose studies nobody does."""
     return read_fleet(fleet_file(tmp_path, "[machines]\n" + "".join(f'm{i} = "m{i}"\n' for i in range(4))))
+
+
+def test_reasons_of_many_machines_leave_the_screen_its_forty_lines(tmp_path, capsys):
+    reason = "a folder without recordings. Expected: files that end in .csv. What to do: " + "name the folder " * 20
+    given = {f"m{i:02d}": Answer(status="failed", error=reason) for i in range(30)}
+    path = fleet_file(tmp_path, "[machines]\n" + "".join(f'{name} = "{name}"\n' for name in given))
+    run_fleet(read_fleet(path), Told({name: [one] for name, one in given.items()}), refit=False)
+    assert exit_status(["fleet", "report", str(path)]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert len(shown) <= 40
+    # the worst first, and where the others are
+    assert any("m00" in line for line in shown)
+    assert not any("m29" in line for line in shown)
+    assert "Everything else that is known is in the page." in shown
 
 
 def test_all_are_answered_in_the_order_of_the_file(fleet):

@@ -13,3 +13,14 @@ def test_long_names_in_tables_may_be_broken_behind_an_underscore_and_stay_texts(
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert ">Spindelstock_<wbr>&lt;b&gt;_<wbr>Hauptlager_<wbr>Aussenring_<wbr>Messstelle_<wbr>A1<" in page
     assert ">T_1<" in page
+
+
+def test_a_name_without_a_place_to_break_it_leaves_the_other_columns_their_room(tmp_path, browser):
+    told = table(["machine", "status", "reason"], [("m" * 80, "failed", "/" + "p" * 90), ("m1", "done", "")])
+    write_account(
+        Account("A fleet", (), sections(section("s", "Machines", captioned("", told)))), tmp_path / "page.html"
+    )
+    page = browser.new_page(viewport={"width": 800, "height": 900})
+    page.goto((tmp_path / "page.html").as_uri())
+    assert page.evaluate("(t => t.scrollWidth <= t.clientWidth)(document.querySelector('.scroll'))")
+    page.close()

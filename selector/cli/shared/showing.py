@@ -146,11 +146,13 @@ def show_account(console: Console, account: Account, *, everything: bool = False
 
 def _within(console: Console, told: Captioned, room: int) -> tuple[int, int]:
     """How many rows of a table there is room for, and how many lines are left then."""
-    rows = min(len(told.table.rows), MOST_ROWS)
-    lines = len(console.render_lines(_table_of(told, told.caption, rows), pad=False))
-    below = _height(console, told.table.note, "") if told.table.note else 0
-    fit = rows if lines + below <= room else (room - below - 6) * rows // lines
-    return fit if fit >= min(LEAST_ROWS, rows) else 0, max(room - lines - below, 0)
+    n = len(told.table.rows)
+    for rows in range(min(n, MOST_ROWS), min(n, LEAST_ROWS) - 1, -1):
+        lines = len(console.render_lines(_table_of(told, told.caption, rows), pad=False))
+        left = room - lines - (_height(console, told.table.note, "") if told.table.note or rows < n else 0)
+        if left >= 0:
+            return rows, left
+    return 0, room
 
 
 def _height(console: Console, *texts: str) -> int:
