@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from selector.fleet import Answer, FleetAnswer, FleetWatch, Overview, SistersAnswer
+from selector.fleet import Answer, FleetAnswer, FleetWatch, Overview, SistersAnswer, WatchedMachine
 from selector.number_text import number_text
 from selector.telling.account import Account, Captioned, Items, Table, captioned, legend, section, sections, table
 from selector.telling.numbers import NONE
@@ -56,15 +56,15 @@ def fleet_account(
 
 def watch_account(watch: FleetWatch, *, title: str = "Fleet") -> Account:
     """All that is told of the watch over a fleet, alarms first."""
-    counts = Counter(one.status for one in watch.machines.values())
-    sentences = [
-        f"{_machines(len(watch.machines))}: " + ", ".join(f"{n} {_STATES[s]}" for s, n in counts.items()) + "."
-    ]
-    if watch.alarms:
-        sentences.append(f"Look at {', '.join(name for name, one in watch.machines.items() if one.status == 'alarm')}.")
+    counts = Counter(map(_state, watch.machines.values()))
+    sentences = [f"{_machines(len(watch.machines))}: " + ", ".join(f"{n} {state}" for state, n in counts.items()) + "."]
+    suspect = [name for name, one in watch.machines.items() if _state(one) in (_STATES["alarm"], _SUSPECT)]
+    if suspect:
+        sentences.append(f"Look at {', '.join(suspect)}.")
+    is_bad = bool(suspect or counts[_STATES["failed"]])
     return Account(
         title=f"{title}: are the models still true?",
-        verdict="bad" if watch.alarms or counts["failed"] else "good" if counts["quiet"] else "plain",
+        verdict="bad" if is_bad else "good" if counts[_STATES["quiet"]] else "plain",
         sentences=tuple(sentences),
         sections=sections(
             section("machines", "Errors in recordings that came later", Captioned("", _watched(watch)), link="Errors"),
@@ -116,26 +116,34 @@ _STATES = {
     "no-model": "without a model",
     "failed": "failed",
 }
+_SUSPECT = "to be looked at"  #: The sums are as before, but a finding of level error says otherwise.
+_ORDER = (_STATES["alarm"], _SUSPECT, *_STATES.values())
 _UNWELL = ("failed", "missing")
 _CHANGED = {"mean": "the error has shifted", "spread": "the errors have grown"}
 
 
+def _state(one: WatchedMachine) -> str:
+    has_error = any(finding["level"] == "error" for finding in one.findings)
+    return _SUSPECT if has_error and one.status != "alarm" else _STATES[one.status]
+
+
 def _watched(watch: FleetWatch) -> Table:
-    ordered = sorted(watch.machines.items(), key=lambda item: list(_STATES).index(item[1].status))
+    ordered = sorted(watch.machines.items(), key=lambda item: _ORDER.index(_state(item[1])))
     rows: list[tuple[str, ...]] = []
     marked = []
     for name, one in ordered:
         told = one.responses.items() if one.status in ("alarm", "quiet") else ()
         if not told:
-            rows.append((name, _STATES[one.status], *(NONE,) * 6, one.error or ""))
+            rows.append((name, _state(one), *(NONE,) * 6, one.error or ""))
         for response, of in told:
             marked += [len(rows)] if of.alarm else []
             judged = (
                 NONE if of.highest is None else f"{number_text(of.highest, 2)} of {number_text(of.limit or 0.0, 2)}"
             )
-            what = "" if of.alarm is None else f"{_CHANGED[of.alarm]} since {of.since}"
+            said = _gravest(one.findings)["statement"] if _state(one) == _SUSPECT else ""
+            what = said if of.alarm is None else f"{_CHANGED[of.alarm]} since {of.since}"
             errors = (_error(value) for value in (of.rmse_um, of.expected_um, of.mean_um))
-            rows.append((name, _STATES[one.status], response, str(of.runs), *errors, judged, what))
+            rows.append((name, _state(one), response, str(of.runs), *errors, judged, what))
     head = (">runs", ">RMS error [µm]", ">when it was made [µm]", ">mean error [µm]", ">sum")
     return table(
         ("machine", "status", "response", *head, "what has changed"), rows, legend("fleet.watched"), marked=marked
@@ -179,7 +187,7 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
             if of.alarm is not None:
                 yield f"{name}: {_CHANGED[of.alarm]} in {response} since {of.since}. Look at gauge, sensors and setup."
     for name, one in watched.items():
-        if one.status != "alarm" and any(finding["level"] == "error" for finding in one.findings):
+        if _state(one) == _SUSPECT:
             yield f"{name}: {_gravest(one.findings)['statement']}"
     unwell = [(name, one.error) for name, one in answer.machines.items() if one.status in _UNWELL]
     yield from (f"{name}: {error}" for name, error in unwell[:_MOST_LOOKED_AT])
@@ -239,7 +247,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
                 for response in responses
             ),
             ", ".join(one.sensors) or NONE,
-            _STATES[watched[name].status] if name in watched else NONE,
+            _state(watched[name]) if name in watched else NONE,
             one.error or ("" if one.refit is None else f"{one.outcome}: {one.refit.because}"),
         )
         for name, one in ordered

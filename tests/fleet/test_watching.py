@@ -9,6 +9,7 @@ import pytest
 from selector.cli import exit_status
 from selector.errors import ResultError
 from selector.fleet import Processes, read_fleet, run_fleet, watch_fleet
+from selector.telling.fleet import watch_account
 from tests.fleet.machines import Here, changed, fleet_file, machine
 
 PROVED, ALL = 6, 18
@@ -103,6 +104,23 @@ def test_a_dead_sensor_is_among_the_findings(watched):
     assert one.runs == (f"r{ALL + 1}", f"r{ALL + 2}")
     assert one.status == "not-judged"
     assert any(finding["where"].get("channel") == sensor for finding in one.findings)
+
+
+def test_what_a_finding_of_level_error_speaks_against_is_not_told_as_before(watched):
+    """A gauge in mm from now on: three runs are too few for an alarm, but anybody can see it."""
+    for number in range(PROVED + 4, ALL + 1):
+        (watched.place.parent / "m" / f"r{number}.csv").unlink()
+    changed(watched.place.parent / "m", range(PROVED + 1, PROVED + 4), lambda table: table.update(table["Z [um]"] / 1e3))
+    found = watch_fleet(watched)
+    assert found.machines["m"].status == "quiet"
+    assert "worse-than-nothing" in {one["id"] for one in found.machines["m"].findings}
+    account = watch_account(found)
+    assert account.verdict == "bad"
+    assert "Look at m." in account.sentences
+    assert not any("as before" in sentence for sentence in account.sentences)
+    [row] = [row for row in account.sections[0].blocks[0].table.rows if row[0] == "m"]
+    assert row[1] == "to be looked at"
+    assert "worse" in row[-1]
 
 
 def test_the_command_prints_the_contract_and_a_page(watched, capsys, tmp_path):
