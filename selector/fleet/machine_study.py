@@ -58,7 +58,7 @@ class Answer(Document):
     error: str | None = None  #: Why it failed, or that the machine was not found
     #: Name of the folder of its answer; of a machine that failed or is missing, that of the model in use, if there is
     #: one. None if its recordings could not be read
-    key: str | None = None
+    key: Annotated[str, Field(pattern=r"^\w+$")] | None = None
     sensors: tuple[str, ...] = ()  #: Those that were chosen
     heldout_rmse_um: dict[str, float | None] = Field(default_factory=dict)  #: Response → error on unseen runs
     seconds: float = 0.0  #: That the study took, also when its answer is used again

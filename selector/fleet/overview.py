@@ -31,12 +31,12 @@ def overview(results: Path, answer: FleetAnswer) -> Overview:
         try:
             told = json.loads((results / str(one.key) / "selection.json").read_text(encoding="utf-8"))
             by_run[name] = {
-                response: tuple(run["heldout_rmse_um"] for run in model["per_run"].values() if run["heldout_rmse_um"])
+                response: tuple(float(error) for run in model["per_run"].values() if (error := run["heldout_rmse_um"]))
                 for response, model in told["models"].items()
             }
             equal = (told.get("equal_sets") or {}).get("sets", ())
             sets[name] = [frozenset(one.sensors), *(frozenset(of["sensors"]) for of in equal)]
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
             continue
     try:
         watch = FleetWatch.model_validate_json((results / WATCH_FILE).read_bytes())

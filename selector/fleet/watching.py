@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 from scipy.optimize import brentq
 from scipy.stats import norm, t
 
@@ -157,6 +157,13 @@ class WatchedMachine(Document):
     runs: tuple[str, ...] = ()  #: New ones, oldest first
     responses: dict[str, Watched] = Field(default_factory=dict)
     findings: tuple[dict[str, Any], ...] = ()  #: Sensors that look broken, readings beyond the valid range …
+
+    @field_validator("findings")
+    @classmethod
+    def _are_findings(cls, given: tuple[dict[str, Any], ...]) -> tuple[dict[str, Any], ...]:
+        if not all(isinstance(one.get(key), str) for one in given for key in ("level", "statement")):
+            raise ValueError("findings without level and statement")
+        return given
 
     @property
     def in_short(self) -> str:

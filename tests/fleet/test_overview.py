@@ -1,10 +1,12 @@
 """The page of a fleet: errors run by run, what the last watch found, places that serve all, what to do this week."""
 
 import json
+import shutil
 
 import pytest
 
 from selector.cli import exit_status
+from selector.errors import ResultError
 from selector.fleet import read_answer, read_fleet
 from selector.fleet.overview import overview, serving
 from selector.fleet.watching import WATCH_FILE
@@ -109,3 +111,31 @@ def test_a_watch_of_something_else_is_none(fleet):
     asked = read_fleet(fleet)
     (asked.results / WATCH_FILE).write_text("{}", encoding="utf-8")
     assert overview(asked.results, read_answer(asked.results)).watch is None
+
+
+@pytest.mark.parametrize(
+    "text", ["[]", "{}", '{"models": []}', '{"models": {"Z": {"per_run": {"r1": {"heldout_rmse_um": "x"}}}}}', "[" * 5000]
+)
+def test_an_answer_that_is_something_else_has_no_errors_run_by_run(fleet, tmp_path, text):
+    asked = read_fleet(fleet)
+    shutil.copytree(asked.results, tmp_path / "results")
+    answer = read_answer(tmp_path / "results")
+    (tmp_path / "results" / answer.machines["m0"].key / "selection.json").write_text(text, encoding="utf-8")
+    found = overview(tmp_path / "results", answer)
+    assert "m0" not in found.by_run_um
+    assert "m2" in found.by_run_um
+
+
+def test_a_watch_whose_findings_say_nothing_is_none(fleet, tmp_path):
+    asked = read_fleet(fleet)
+    told = {"schema": "selector.fleet-watch/1", "alarms": 0, "machines": {"m0": {"status": "quiet", "findings": [{}]}}}
+    (tmp_path / WATCH_FILE).write_text(json.dumps(told), encoding="utf-8")
+    assert overview(tmp_path, read_answer(asked.results)).watch is None
+
+
+def test_the_folder_of_an_answer_is_in_the_results_folder(fleet, tmp_path):
+    document = json.loads((read_fleet(fleet).results / "fleet.json").read_text(encoding="utf-8"))
+    document["machines"]["m0"]["key"] = "../elsewhere"
+    (tmp_path / "fleet.json").write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(ResultError, match="something else"):
+        read_answer(tmp_path)
