@@ -285,6 +285,7 @@ SELECTED = (
     ("samples-lost", often_gone, (), "--never T2", ("--never", "T2")),
     ("runs-not-proved", lacking, (), "--never", ("--never", "T2")),
     ("target-missed", with_third, ("--target", "0.01"), "ask for less", ("--target", "20")),
+    ("target-met-already", with_third, ("--target", "1000"), "ask for less", ("--target", "1")),
 )
 
 

@@ -66,8 +66,9 @@ def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
     how = f"rms, {PROCEDURE}{_how_known(selection, names)}"
     falls = {name: (proof.baselines_um[name]["none"], proof.rmse_um(name)) for name in names}
     if len(names) == 1:
-        before, after = falls[names[0]]
-        return f"{where} the {names[0]} error falls from {number_text(before, 2)} to {number_text(after, 2)} µm ({how})"
+        before, after = (number_text(error, 2) for error in falls[names[0]])
+        moves = f"stays at {after}" if before == after else f"falls from {before} to {after}"
+        return f"{where} the {names[0]} error {moves} µm ({how})"
     if len(names) <= MOST_SAID:
         said = (
             f"{name} from {number_text(before, 2)} to {number_text(after, 2)} µm"
