@@ -153,7 +153,7 @@ class Compensation:
         self._alive = (math.nan, -math.inf)
         self._is_armed = False  #: A touch-off may come: its flag was down since the start and since the last one
         self._said: dict[str, Any] = {}
-        self._refused: str | None = None
+        self._refused = self._not_written = ""
         self._ended: dict[str, str] = {}
         adapted = [] if model.adaptation is None else [of.output for of in model.adaptation.outputs]
         if untouched := [name for name in adapted if io.outputs[name].touch is None]:
@@ -235,7 +235,8 @@ class Compensation:
             **self._counts,
             "latency_median_ms": float(np.median(latencies_ms)),
             "latency_999_ms": float(np.quantile(latencies_ms, 0.999)),
-            "refused": self._refused or "",
+            "refused": self._refused,
+            "not_written": self._not_written,
         }
 
     async def _period(self, next_s: float) -> float:
@@ -366,12 +367,14 @@ class Compensation:
             self._guard.restart(off_s if off_s >= 0.0 else LONGEST_S)
         except FileNotFoundError:
             return
-        except (OSError, ValueError, TypeError, KeyError) as error:
+        except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
             self.journal.tell("kept-unreadable", file=str(path), error=str(error)[:200])
 
     def _keep(self) -> None:
         kept = {"model": kept_sha256(self._model), "time_s": self._clock.wall(), "values": self._guard.retained}
         try:
-            write_status(self.journal.folder, self.status(), kept, self._model)
+            write_status(self.journal.folder, self.status() | {"not_written": ""}, kept, self._model)
+            self._not_written = ""
         except OptionError as error:
-            self.journal.tell("status-not-written", error=str(error)[:200])
+            self._not_written = str(error)[:200]
+            self.journal.tell("status-not-written", error=self._not_written)

@@ -71,6 +71,7 @@ def status_words(status: Mapping[str, Any], model: ModelFile) -> list[tuple[str,
         ("values read back", f"{status['rows_confirmed']} as written, {status['mismatches']} something else"),
         ("from question to write", f"{latency[0]} at the median, {latency[1]} at 99.9 %"),
         ("last refused write", status["refused"] or "none"),
+        *([("files not written", status["not_written"])] if status["not_written"] else []),
     ]
 
 

@@ -38,7 +38,7 @@ def number_in(value: Any) -> float:
     >>> number_in("21.5"), number_in(True), number_in([1]), number_in(1e300)
     (21.5, 1.0, nan, nan)
     """
-    if isinstance(value, str) and len(value) > 64:
+    if isinstance(value, str) and (len(value) > 64 or "_" in value):
         return math.nan
     if not isinstance(value, bool | int | float | str):
         return math.nan

@@ -114,7 +114,8 @@ def test_a_watch_of_something_else_is_none(fleet):
 
 
 @pytest.mark.parametrize(
-    "text", ["[]", "{}", '{"models": []}', '{"models": {"Z": {"per_run": {"r1": {"heldout_rmse_um": "x"}}}}}', "[" * 5000]
+    "text",
+    ["[]", "{}", '{"models": []}', '{"models": {"Z": {"per_run": {"r1": {"heldout_rmse_um": "x"}}}}}', "[" * 5000],
 )
 def test_an_answer_that_is_something_else_has_no_errors_run_by_run(fleet, tmp_path, text):
     asked = read_fleet(fleet)

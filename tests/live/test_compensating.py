@@ -11,8 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.controllers.guard.guarded_model import GuardedModel
+from selector.controllers.model_file import kept_sha256
 from selector.live.compensating import Compensation
 from selector.live.io_file import read_io
+from selector.live.journal import status_words
 from selector.live.links import FastClock
 from tests.live.plants import CLAMP_UM, beyond_the_guard, model, plant, run
 
@@ -56,7 +58,7 @@ def warmed(tmp_path, **options):
     return process, link, clock
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), "x" * 10_000, [20.0], None, 1e300])
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), "x" * 10_000, [20.0], None, 1e300, "2_0"])
 def test_what_is_no_number_is_a_missing_sensor(tmp_path, value):
     process, link, clock = warmed(tmp_path)
     link.values["T1"] = value
@@ -201,14 +203,30 @@ def test_a_clock_that_was_put_back_counts_as_a_long_standstill(tmp_path, monkeyp
     assert told == [standstill_s]
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"model": 1}', "\x00", '{"model": null, "time_s": "x", "values": {}}'])
+TOO_LARGE = f'{{"model": "SHA", "time_s": {10**400}, "values": {{}}}}'
+TEXTS = ["{", "[]", '{"model": 1}', "\x00", '{"model": null, "time_s": "x", "values": {}}', "[" * 99_999, TOO_LARGE]
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=range(len(TEXTS)))
 def test_what_was_kept_may_be_broken(tmp_path, text):
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "kept.json").write_text(text, "utf-8")
+    process, _, _ = plant(tmp_path)
+    values = f'"values": {json.dumps(process._guard.retained)}'
+    kept = text.replace("SHA", kept_sha256(model())).replace('"values": {}', values)
+    (tmp_path / "out" / "kept.json").write_text(kept, "utf-8")
     process, link, clock = plant(tmp_path)
     run(process, clock, 3)
     assert link.arrived[-1][1] == 0.0
     assert journal(tmp_path)[0]["event"].startswith("kept-")
+
+
+def test_files_that_cannot_be_written_are_told_where_the_process_ends(tmp_path):
+    process, _, clock = plant(tmp_path)
+    (tmp_path / "out" / "status.html").mkdir(parents=True)
+    run(process, clock, 3)
+    status = asyncio.run(process.run(cycles=1))
+    assert "status.html" in status["not_written"]
+    assert any("status.html" in now for what, now in status_words(status, model()) if what == "files not written")
 
 
 def test_a_clock_that_is_put_changes_nothing_but_the_journal(tmp_path):
