@@ -68,10 +68,8 @@ def describe(
     if write is not None:
         console.print(f"wrote {write}; correct it there and give it with --machine {write}", markup=False)
         if new:
-            told = (
-                f"it repairs {', '.join(new)} as the findings propose: check these lines, and describe again with them:"
-            )
-            console.print(f"{told} one fault can hide another", markup=False)
+            told = f"it repairs {', '.join(new)} as the findings propose: check these lines"
+            console.print(f"{told}, and describe again with it: one fault can hide another", markup=False)
 
 
 @with_source

@@ -331,7 +331,8 @@ _CONCERNS = {
     id_: part
     for part, ids in {
         "proof": "regimes one-run-only few-runs runs-left-out-in-groups no-better-than-nothing runs-not-proved "
-        "one-part-unlike-the-others choice-at-limit target-missed target-met-already runs-outside-the-others unstable-choice",
+        "one-part-unlike-the-others choice-at-limit target-missed target-met-already runs-outside-the-others "
+        "unstable-choice",
         "groups": "chaining round-without-effect constant-must constant-sensor duplicate-sensors "
         "anticorrelated-sensors between-groups",
         "model": "terms-that-help terms-not-used collinear-terms correlated-residuals influential-sample ridge "
