@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from selector.adaptation.drift import Course, Touches, tracked
+from selector.adaptation.drift import Course, Drift, Touches, tracked
 from selector.adaptation.finding_table import FINDINGS
 from selector.adaptation.judged import KINDS, LEVEL, WORTH, Judged, JudgedRun, Kind, judged
 from selector.adaptation.probing import Policy, policy_within
@@ -101,83 +101,60 @@ def adaptation(
 
 def _of_response(name: str, of: Judged, *, is_probed: bool) -> Iterator[Finding]:
     n_runs, overall = len(of.runs), of.overall
+
+    def told(id_: str, said: str, evidence: Mapping[str, Any], run: str | None = None) -> Finding:
+        return FINDINGS.finding(id_, said, Where(channel=name, run=run), evidence)
+
     if not is_probed:
         if n_runs < FEW_RUNS:
-            yield FINDINGS.finding(
-                "adaptation-few-runs",
-                f"What the model of {name} alone holds is seen in {n_runs} run{'s' * (n_runs > 1)} only: another day "
-                "may be worse.",
-                Where(channel=name),
-                {"runs": n_runs},
-            )
+            said = f"What the model of {name} alone holds is seen in {n_runs} run{'s' * (n_runs > 1)} only: "
+            yield told("adaptation-few-runs", f"{said}another day may be worse.", {"runs": n_runs})
         return
     untouched = [run.course.run for run in of.runs if not len(run.course.touched_at)]
     if untouched:
         listed = ", ".join(untouched[:8]) + (f" and {len(untouched) - 8} more" if len(untouched) > 8 else "")
-        yield FINDINGS.finding(
-            "no-touch-off",
-            f"No touch-off of {name} falls into {listed}: there the model works alone.",
-            Where(channel=name, run=untouched[0] if len(untouched) == 1 else None),
-            {"runs": untouched},
-        )
+        said = f"No touch-off of {name} falls into {listed}: there the model works alone."
+        yield told("no-touch-off", said, {"runs": untouched}, untouched[0] if len(untouched) == 1 else None)
     if n_runs < 2:
-        yield FINDINGS.finding(
-            "adaptation-not-judged",
-            f"{name} was compared in {n_runs} run{'' if n_runs == 1 else 's'}: what a run teaches has to be tried on "
-            "another one, so nothing is adapted.",
-            Where(channel=name),
-            {"runs": n_runs},
-        )
+        said = f"{name} was compared in {n_runs} run{'s' * (n_runs != 1)}: what a run teaches has to be tried on "
+        yield told("adaptation-not-judged", f"{said}another one, so nothing is adapted.", {"runs": n_runs})
         return
     if not of.rmse_um_of:
         return
     if n_runs < FEW_RUNS:
-        yield FINDINGS.finding(
-            "adaptation-few-runs",
-            f"Drift and noise of {name} are learnt from {n_runs - 1} of {n_runs} runs at a time.",
-            Where(channel=name),
-            {"runs": n_runs},
-        )
+        said = f"Drift and noise of {name} are learnt from {n_runs - 1} of {n_runs} runs at a time."
+        yield told("adaptation-few-runs", said, {"runs": n_runs})
     if of.kind == "none":
         best = min(of.rmse_um_of[kind] for kind in KINDS[1:])
-        yield FINDINGS.finding(
+        yield told(
             "adaptation-no-better",
             f"{name}: on runs that did not teach it, adaptation leaves {best:.3g} µm (RMS) and the model alone "
             f"{of.rmse_um_of['none']:.3g} µm; that is no gain that holds whichever run is left out. Nothing is "
             "adapted.",
-            Where(channel=name),
             {str(kind): value for kind, value in of.rmse_um_of.items()},
         )
     last, left = of.last_reading_rmse_um, overall.rmse_um
     if last is not None and left is not None and last < WORTH * left:
         pairs = zip(of.runs, of.last_reading_um, strict=True)
         better = [run.course.run for run, um in pairs if um < (of.accuracy[run.course.run].rmse_um or 0.0)]
-        yield FINDINGS.finding(
+        yield told(
             "last-reading-better",
             f"{name}: with the last reading as offset, {last:.3g} µm (RMS) are left, adapted {left:.3g} µm; the last "
             f"reading is better in {len(better)} of {n_runs} runs. It follows wrong readings, too.",
-            Where(channel=name),
             {"last_reading_um": last, "adapted_um": left, "runs": better},
         )
     share = overall.interval_share
     if of.learnt is not None and share is not None and not HELD[0] <= share <= HELD[1]:
-        yield FINDINGS.finding(
-            "interval-not-held",
-            f"{name}: of the samples of unseen runs, {100 * share:.1f} % are in their {100 * LEVEL:.0f} % interval.",
-            Where(channel=name),
-            {"level": LEVEL, "share": share},
-        )
+        said = f"{name}: of the samples of unseen runs, {100 * share:.1f} % are in their {100 * LEVEL:.0f} % interval."
+        yield told("interval-not-held", said, {"level": LEVEL, "share": share})
     if of.learnt is not None:
         for run in of.runs:
-            yield from _of_run(name, run, of)
+            yield from _of_run(name, run, of.learnt.drift)
 
 
-def _of_run(name: str, run: JudgedRun, of: Judged) -> Iterator[Finding]:
-    learnt = of.learnt
-    if learnt is None:
-        return
+def _of_run(name: str, run: JudgedRun, drift: Drift) -> Iterator[Finding]:
     touches = Touches.of([run.course])
-    followed = tracked(learnt.drift, touches)
+    followed = tracked(drift, touches)
     refused = touches.time_s[0][~followed.is_believed[0, 1:] & np.isfinite(touches.error_um[0])]
     start_s = float(run.course.time_s[0])
     if len(refused):
@@ -190,12 +167,12 @@ def _of_run(name: str, run: JudgedRun, of: Judged) -> Iterator[Finding]:
             Where(channel=name, run=run.course.run, from_s=at[0], to_s=at[-1]),
             {"times_s": at},
         )
-    if np.max(np.abs(followed.offset)) >= learnt.drift.offset_limit_um:
+    if np.max(np.abs(followed.offset)) >= drift.offset_limit_um:
         yield FINDINGS.finding(
             "offset-limit-reached",
-            f"{name} in run {run.course.run}: the offset reaches its limit of ± {learnt.drift.offset_limit_um:g} µm.",
+            f"{name} in run {run.course.run}: the offset reaches its limit of ± {drift.offset_limit_um:g} µm.",
             Where(channel=name, run=run.course.run),
-            {"offset_limit_um": learnt.drift.offset_limit_um},
+            {"offset_limit_um": drift.offset_limit_um},
         )
 
 

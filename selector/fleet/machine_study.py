@@ -123,9 +123,7 @@ def answered(task: Task) -> Answer:
                 advice="install the same version of selector and numpy everywhere",
             )
         return _answered(task, start, key.append)
-    except InputError as error:
-        said = str(error)
-    except CancelledError as error:
+    except (InputError, CancelledError) as error:
         said = str(error)
     except MemoryError as error:
         said = f"memory ran out ({error}): use fewer processes, or store the recordings as Parquet"

@@ -62,15 +62,8 @@ class FleetAnswer(Document):
     @classmethod
     def of(cls, answers: dict[str, Answer], shared: tuple[Shared, ...] = ()) -> "FleetAnswer":
         """The answers, counted."""
-        counts = Counter(one.status for one in answers.values())
-        return cls(
-            done=counts["done"],
-            reused=counts["reused"],
-            failed=counts["failed"],
-            missing=counts["missing"],
-            machines=answers,
-            shared=shared,
-        )
+        counts = {"done": 0, "reused": 0, "failed": 0} | Counter(one.status for one in answers.values())
+        return cls.model_validate(counts | {"machines": answers, "shared": shared})
 
 
 def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit: bool = False) -> FleetAnswer:
@@ -82,12 +75,11 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
     Raises ResultError: with `refit`, the fleet was never run.
     """
     in_use = _in_use(fleet, refit)
-    found: dict[str, Answer] = {}
-    if refit:
-        found = {
-            name: one if name in fleet.studies else without_use(one, _MISSING, "missing")
-            for name, one in in_use.items()
-        }
+    found = {
+        name: one if name in fleet.studies else without_use(one, _MISSING, "missing")
+        for name, one in in_use.items()
+        if refit
+    }
     fleet.results.mkdir(parents=True, exist_ok=True)
     written = time.monotonic()
     try:
@@ -224,7 +216,7 @@ def shared_recordings(results: Path, answers: Mapping[str, Answer]) -> tuple[Sha
             model = json.loads((results / str(answer.key) / "model.json").read_bytes())
             for run, sha256 in model["provenance"]["data_sha256"].items():
                 runs.setdefault(sha256, {}).setdefault(name, run)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             continue
     found: dict[tuple[str, ...], list[str]] = {}
     for of in runs.values():

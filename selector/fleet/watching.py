@@ -254,13 +254,12 @@ def _response(proved: Mapping[str, Any], runs: Sequence[tuple[str, Accuracy]], n
         if one.get("heldout_rmse_um") and one.get("heldout_mean_um") is not None
     ]
     weights = [one.n_samples for _, one in seen]
-    rmse = _mean([one.rmse_um**2 for _, one in seen if one.rmse_um is not None], weights)
-    means = [one.mean_um for _, one in seen if one.mean_um is not None]
+    sizes, means = np.array([one.rmse_um for _, one in seen]), [one.mean_um or 0.0 for _, one in seen]
     plain = Watched(
         runs=len(seen),
-        rmse_um=None if rmse is None else math.sqrt(rmse),
+        rmse_um=math.sqrt(np.average(sizes**2, weights=weights)) if seen else None,
         expected_um=proved.get("heldout_rmse_um"),
-        mean_um=_mean(means, weights),
+        mean_um=float(np.average(means, weights=weights)) if seen else None,
     )
     if len(of_proof) < FEWEST_KNOWN or not seen:
         return plain
@@ -269,7 +268,7 @@ def _response(proved: Mapping[str, Any], runs: Sequence[tuple[str, Accuracy]], n
     mean = charted(np.array([one["heldout_mean_um"] for one in of_proof]), np.array(means), apart, is_two_sided=True)
     size = charted(
         np.log([one["heldout_rmse_um"] for one in of_proof]),
-        np.log([one.rmse_um or np.finfo(float).tiny for _, one in seen]),
+        np.log(np.maximum(sizes, np.finfo(float).tiny)),
         apart,
         is_two_sided=False,
     )
@@ -285,12 +284,8 @@ def _told(
     told: dict[str, Any] = {"highest": first.highest, "limit": first.limit}
     if first.changed_at is not None:
         at = first.changed_at
-        told |= {"alarm": kind, "since": runs[at], "mean_um": _mean(means[at:], weights[at:])}
+        told |= {"alarm": kind, "since": runs[at], "mean_um": float(np.average(means[at:], weights=weights[at:]))}
     return told
-
-
-def _mean(values: Sequence[float], weights: Sequence[int]) -> float | None:
-    return float(np.average(values, weights=weights)) if len(values) else None
 
 
 def _not_judged(responses: Mapping[str, Watched]) -> str:
