@@ -185,6 +185,22 @@ def test_an_answer_of_many_tables_fits_a_screen_and_says_where_the_rest_is(width
     assert "--all" not in shown[True]
 
 
+@pytest.mark.parametrize("width", [120, 140])
+def test_a_brief_answer_gives_its_tables_what_its_findings_leave_of_a_screen(width):
+    rows = [(f"T{k}", float(k), "what a row says at some length") for k in range(12)]
+    tables = [section(f"s{k}", f"Table {k}", captioned("", table(["name", ">value", "text"], rows))) for k in range(2)]
+    account = replace(Account("A result", ("It is so. " * 10,) * 3, sections(*tables)), brief=("s0", "s1"))
+    shown = {}
+    for n in (1, 5):
+        found = [replace(FINDING, id=f"kind-{k}", statement=f"Found-{k}. " * 20) for k in range(n)]
+        stream = io.StringIO()
+        showing.show_answer(Console(file=stream, width=width), account, found, everything=False)
+        shown[n] = stream.getvalue()
+    assert shown[1].count("Table") == 2
+    assert shown[5].count("Found-4.") == 20
+    assert max(text.count("\n") for text in shown.values()) <= 38
+
+
 def test_long_names_in_a_table_that_does_not_fit_are_shortened_in_the_middle():
     names = [f"Spindelstock_Vorderes_Hauptlager_Aussenring_Messstelle_{k}_oben_links" for k in ("A1", "A2", "B1")]
     inside = [f"a_very_long_beginning_{k}_and_an_end_that_is_as_long_as_that" for k in (1, 2, 3)]

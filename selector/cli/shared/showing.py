@@ -96,8 +96,8 @@ def _harmless(text: str) -> str:
 
 #: Rows of a table, and findings, that are shown; a page and the JSON have all. In brief a table alone may have more.
 MOST_ROWS, MOST_ROWS_IN_BRIEF, MOST_ALONE, MOST_FINDINGS, MOST_INFO = 20, 6, 12, 5, 2
-#: Lines for sentences and tables, which leave some of 40 for findings and files; rows from which on a table is begun.
-MOST_LINES, LEAST_ROWS = 28, 3
+#: Lines of an answer, which leave two of 40 for files; of sentences and tables; rows from which on a table is begun.
+MOST_SCREEN, MOST_LINES, LEAST_ROWS = 38, 28, 3
 
 Everything = Annotated[bool, option("answers --all")]
 
@@ -122,15 +122,18 @@ def show_account(console: Console, account: Account, *, everything: bool = False
     known = [block.table for section in account.sections for block in section.blocks if isinstance(block, Captioned)]
     noted = {one.note for one in (account.answer, *known) if one is not None and is_brief}
     if account.answer is not None:
-        show_captioned(console, Captioned("In numbers", account.answer), "", most=most, noted=noted)
+        numbers = Captioned("In numbers", account.answer)
+        show_captioned(console, numbers, "", most=most, noted=noted)
+        room -= len(console.render_lines(_table_of(numbers, "In numbers", most), pad=False))
     is_whole, is_begun = True, False
     for section in chosen:
         for block in section.blocks:
             if isinstance(block, Captioned) and block.on_screen and block.table.rows:
-                fit, room = (most, room) if is_brief or everything else _within(console, block, room)
+                note = "" if block.table.note in noted else block.table.note
+                fit, room = (None, room) if most is None else _within(console, block, room, most, note)
                 # what answers first is begun in any case
                 fit, is_begun = (fit if is_begun or fit != 0 else LEAST_ROWS), True
-                is_whole &= fit is None or fit >= len(block.table.rows)
+                is_whole &= is_brief or fit is None or fit >= len(block.table.rows)
                 if fit != 0:
                     show_captioned(console, block, section.title, most=fit, noted=noted)
             elif isinstance(block, Heading) and block.on_screen:
@@ -144,12 +147,12 @@ def show_account(console: Console, account: Account, *, everything: bool = False
     return is_whole
 
 
-def _within(console: Console, told: Captioned, room: int) -> tuple[int, int]:
+def _within(console: Console, told: Captioned, room: int, most: int, note: str) -> tuple[int, int]:
     """How many rows of a table there is room for, and how many lines are left then."""
     n = len(told.table.rows)
-    for rows in range(min(n, MOST_ROWS), min(n, LEAST_ROWS) - 1, -1):
+    for rows in range(min(n, most), min(n, LEAST_ROWS) - 1, -1):
         lines = len(console.render_lines(_table_of(told, told.caption, rows), pad=False))
-        left = room - lines - (_height(console, told.table.note, "") if told.table.note or rows < n else 0)
+        left = room - lines - (_height(console, note, "") if note or rows < n else 0)
         if left >= 0:
             return rows, left
     return 0, room
@@ -163,8 +166,23 @@ def _height(console: Console, *texts: str) -> int:
 
 def show_answer(console: Console, account: Account, findings: Iterable[Finding], *, everything: bool) -> None:
     """What an account says, the findings of the answer, and where the rest is."""
-    is_whole = show_account(console, account, everything=everything, most_lines=MOST_LINES)
-    show_findings(console, findings, everything=everything, more=account.brief is not None or not is_whole)
+    told = tuple(findings)
+
+    def show(room: int) -> None:
+        is_whole = show_account(console, account, everything=everything, most_lines=room)
+        show_findings(console, told, everything=everything, more=account.brief is not None or not is_whole)
+
+    room = MOST_LINES if account.brief is None else MOST_SCREEN
+    if not everything:
+        with console.capture() as below:
+            show_findings(console, told, more=True)
+        most = max(min(room, MOST_SCREEN - below.get().count("\n")), MOST_ROWS_IN_BRIEF)
+        for room in range(most, MOST_ROWS_IN_BRIEF - 1, -1):
+            with console.capture() as whole:
+                show(room)
+            if whole.get().count("\n") <= MOST_SCREEN:
+                break
+    show(room)
 
 
 def give_answer(
