@@ -419,6 +419,15 @@ def test_mtconnect_is_read_and_what_is_unavailable_is_missing(tmp_path, agent):
     asyncio.run(work())
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_mtconnect_has_no_document_type_in_any_encoding(agent, encoding):
+    head = f'<?xml version="1.0" encoding="{encoding}"?><!DOCTYPE x [<!ENTITY a "21.5">]>'
+    agent.broken = f'{head}<MTConnectStreams><S dataItemId="T1">&a;</S></MTConnectStreams>'.encode(encoding)
+    link = MTConnectLink(Connection(kind="mtconnect", url=agent.url, timeout_s=5.0))
+    with pytest.raises(ValueError, match="document type"):
+        asyncio.run(link.read(["T1"]))
+
+
 def test_mtconnect_history_is_read_page_by_page(agent):
     for second in range(30):
         agent.observe(second, "T1", str(20.0 + second))
