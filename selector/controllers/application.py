@@ -49,13 +49,11 @@ def usable_readings(
     for item in model.inputs:
         values = np.where(np.isfinite(readings[item.name]), readings[item.name], np.nan)
         low, high = item.reading_limits
-        codes = np.zeros(len(values), dtype=np.bool_)
-        for code in model.guard.break_codes if item.unit == "degC" else ():
-            codes |= np.abs(values - code) <= CODE_SLACK * abs(code)
+        breaks = np.array(model.guard.break_codes if item.unit == "degC" else ())
+        codes = np.any(np.abs(values[:, None] - breaks) <= CODE_SLACK * np.abs(breaks), axis=1)
         beyond = ((values < low) | (values > high)) & ~codes
-        findings.extend(_broken(item, run, time_s, values, np.isnan(values), "missing"))
-        findings.extend(_broken(item, run, time_s, values, codes, "break-code"))
-        findings.extend(_broken(item, run, time_s, values, beyond, "out-of-limits"))
+        for where, kind in ((np.isnan(values), "missing"), (codes, "break-code"), (beyond, "out-of-limits")):
+            findings.extend(_broken(item, run, time_s, values, where, kind))
         usable[item.name] = np.where(codes | beyond, np.nan, values)
     return usable, tuple(findings)
 
@@ -66,9 +64,8 @@ def outside_valid_range(
     """One finding ``outside-valid-range`` for every input of a run that leaves what the model has seen."""
     for item in model.inputs:
         x = readings[item.name] - (start[item.name] if item.reference == "rise" else 0.0)
-        slack = RANGE_SLACK * (item.valid_max - item.valid_min)
-        excess = np.fmax(item.valid_min - x, x - item.valid_max)
-        outside = excess > slack
+        width, excess = item.valid_max - item.valid_min, np.fmax(item.valid_min - x, x - item.valid_max)
+        outside = excess > RANGE_SLACK * width
         if not outside.any():
             continue
         worst = int(np.nanargmax(excess))
@@ -76,7 +73,6 @@ def outside_valid_range(
         unit = unit_of_difference(item)
         what = "rise" if item.reference == "rise" else "reading"
         when = np.flatnonzero(outside)
-        width = item.valid_max - item.valid_min
         slight = share < SLIGHT_SHARE and float(excess[worst]) < SLIGHT_EXCESS * width
         said = f"{100 * share:.1f} %" if share >= 0.001 else "less than 0.1 %"
         yield FINDINGS.finding(
@@ -425,9 +421,7 @@ def displacement_of(output: Output, recording: Recording, run: str) -> Array:
 def require_channels(model: ModelFile, recording: Recording) -> None:
     """Ends with an error where a recording lacks what the model needs, or has it in another role."""
     names = set(recording.names)
-    present = [item.name for item in model.inputs if item.name in names]
-    seen = {name for name in present if bool(recording.frame[name].notna().any())}
-    absent = [item.name for item in model.inputs if item.name not in seen]
+    absent = [one.name for one in model.inputs if one.name not in names or recording.frame[one.name].isna().all()]
     if absent:
         raise RecordingError(
             f"no readings of {', '.join(absent)} in any run",
@@ -456,16 +450,14 @@ def _role_error(name: str, found: str, expected: str) -> UnitError:
     )
 
 
+_POSITIONS = ("position", "position_command")  #: Roles of the position of an axis; the measured one goes first.
+
+
 def position_channels(model: ModelFile, recording: Recording) -> dict[str, str]:
     """Axis → channel of its position, for the axes whose position the model needs."""
     channels = {}
     for axis in axes_of(model):
-        fitting = [
-            channel.name
-            for role in ("position", "position_command")
-            for channel in recording.channels
-            if channel.role == role and channel.axis == axis
-        ]
+        fitting = [one for one in recording.channels if one.axis == axis and one.role in _POSITIONS]
         if not fitting:
             raise RecordingError(
                 f"no position of axis {axis}",
@@ -473,7 +465,7 @@ def position_channels(model: ModelFile, recording: Recording) -> dict[str, str]:
                 where="recording",
                 advice="describe the channel in the machine file",
             )
-        channels[axis] = fitting[0]
+        channels[axis] = min(fitting, key=lambda one: _POSITIONS.index(one.role)).name
     return channels
 
 

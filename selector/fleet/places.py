@@ -4,7 +4,6 @@ import glob
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from selector.errors import OptionError, ReadError, SelectorError
@@ -103,9 +102,18 @@ def _readable(url: str) -> Iterator[None]:
 
 
 def _reached(url: str) -> tuple[Any, str]:
-    core = fsspec_core(url)
+    """The file system of a URL, and the path there. Raises OptionError: fsspec or a package for it is not installed."""
     try:
-        system, path = core.url_to_fs(url)
+        from fsspec.core import url_to_fs
+    except ImportError as error:
+        raise OptionError(
+            "recordings behind a URL, and the package fsspec is not installed",
+            expected="an installation with the extra `fleet`",
+            where=url,
+            advice='run `pip install ".[fleet]"` in the folder of selector, or name folders',
+        ) from error
+    try:
+        system, path = url_to_fs(url)
     except ImportError as error:
         raise OptionError(
             f"a URL whose kind needs another package ({error})",
@@ -114,18 +122,3 @@ def _reached(url: str) -> tuple[Any, str]:
             advice="install that package, for s3:// it is s3fs",
         ) from error
     return system, path
-
-
-def fsspec_core(url: str) -> ModuleType:
-    """fsspec, which comes with the extra `fleet`. Raises OptionError: it is not installed."""
-    try:
-        import fsspec.core
-    except ImportError as error:
-        raise OptionError(
-            "recordings behind a URL, and the package fsspec is not installed",
-            expected="an installation with the extra `fleet`",
-            where=url,
-            advice='run `pip install ".[fleet]"` in the folder of selector, or name folders',
-        ) from error
-    core: ModuleType = fsspec.core
-    return core

@@ -87,7 +87,7 @@ def sisters_account(answer: SistersAnswer, *, title: str = "Fleet") -> Account:
         if one.alone:
             sentences.append(f"{name}: unlike all others, and not learnt from: {', '.join(one.alone)}.")
         if one.errors:
-            errors = (_error(one.errors[f"{way}_um"]) for way in ("none", "own", "pooled", "sisters"))
+            errors = (number_text(one.errors[f"{way}_um"]) for way in ("none", "own", "pooled", "sisters"))
             rows.append((name, f"{one.errors['machines']:.0f}", *errors))
     head = (">machines", ">no correction [µm]", ">these runs alone [µm]", ">all as one [µm]", ">sisters [µm]")
     others = table(("machine", "reason"), list(answer.left_out.items()))
@@ -142,7 +142,7 @@ def _watched(watch: FleetWatch) -> Table:
             )
             said = _gravest(one.findings)["statement"] if _state(one) == _SUSPECT else ""
             what = said if of.alarm is None else f"{_CHANGED[of.alarm]} since {of.since}"
-            errors = (_error(value) for value in (of.rmse_um, of.expected_um, of.mean_um))
+            errors = (number_text(value) for value in (of.rmse_um, of.expected_um, of.mean_um))
             rows.append((name, _state(one), response, str(of.runs), *errors, judged, what))
     head = (">runs", ">RMS error [µm]", ">when it was made [µm]", ">mean error [µm]", ">sum")
     return table(
@@ -242,10 +242,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
         (
             name,
             one.status,
-            *(
-                f"{_error(one.heldout_rmse_um.get(response))} {_bars(beside.by_run_um.get(name, {}).get(response, ()))}"
-                for response in responses
-            ),
+            *(f"{number_text(one.heldout_rmse_um.get(of))} {_bars(beside, name, of)}" for of in responses),
             ", ".join(one.sensors) or NONE,
             _state(watched[name]) if name in watched else NONE,
             one.error or ("" if one.refit is None else f"{one.outcome}: {one.refit.because}"),
@@ -261,8 +258,9 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
     )
 
 
-def _bars(errors: Sequence[float]) -> str:
-    """Numbers as a small row of bars; of many the last ones."""
+def _bars(beside: Overview, machine: str, response: str) -> str:
+    """Errors run by run as a small row of bars; of many the last ones."""
+    errors = beside.by_run_um.get(machine, {}).get(response, ())
     top = max(errors, default=0.0)
     return "".join(_BARS[min(int(len(_BARS) * error / top), len(_BARS) - 1)] for error in errors[-24:]) if top else ""
 
@@ -290,7 +288,3 @@ def _sensors(answer: FleetAnswer) -> Captioned | None:
     return captioned(
         "How often each sensor is chosen", table(("sensor", ">machines", ">share"), rows, legend("fleet.chosen"))
     )
-
-
-def _error(error: float | None) -> str:
-    return NONE if error is None else number_text(error, 3)
