@@ -73,15 +73,18 @@ def _not_adapted(model: ModelFile) -> Iterator[Finding]:
 
 
 def _show(console: Console, application: Application, *, everything: bool) -> None:
-    rows: list[tuple[object, ...]] = []
-    for run, outputs in application.per_run.items():
-        rows += [(run, name, *_cells(accuracy)) for name, accuracy in outputs.items()]
-    rows += [("all runs", name, *_cells(accuracy)) for name, accuracy in application.overall.items()]
+    of_runs = [(run, name, of) for run, outputs in application.per_run.items() for name, of in outputs.items()]
+    shown, most = "", len(of_runs) if everything else showing.MOST_ROWS
+    if len(of_runs) > most:
+        shown = f"The {most} largest errors of {len(of_runs)}; --all shows all. "
+        of_runs.sort(key=lambda one: -(one[2].rmse_um or 0.0))
+    everywhere = [("all runs", name, of) for name, of in application.overall.items()]
+    rows = [(run, name, *_cells(of)) for run, name, of in (*of_runs[:most], *everywhere)]
     columns = ["run", "response", "RMS error", "largest", "RMS before", "largest before"]
     console.print(showing.table("Displacement with and without compensation [µm]", columns, rows, numeric=columns[2:]))
     console.print(
-        "Before: displacement as recorded, from its start. Error: what the model itself leaves of it, at the samples "
-        "that have a prediction; without limits and guard of a control, which `selector export --replay` adds.",
+        f"{shown}Before: displacement as recorded, from its start. Error: what the model itself leaves of it, at the "
+        "samples that have a prediction; without limits and guard of a control, which `selector export --replay` adds.",
         markup=False,
     )
     showing.show_findings(console, application.findings, everything=everything)

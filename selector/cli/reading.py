@@ -92,6 +92,7 @@ def convert(
     from selector.quality import inspect, without_faults
     from selector.quality.finding_table import SENSOR_BREAK
     from selector.readers import convert as converted
+    from selector.readers.tables import listed
 
     require_writable_folder(out, "--out")
     with progress_bar() as progress:
@@ -111,7 +112,7 @@ def convert(
         else:
             with folder_written_whole(out) as folder:
                 paths = [out / path.name for path in converted(reading, folder, table_format)]
-        told = f"wrote {len(paths)} files to {out}: {', '.join(path.name for path in paths)}"
+        told = f"wrote {len(paths)} files to {out}: {listed((path.name for path in paths), 20)}"
     if as_json:
         showing.print_json({"schema": "selector.conversion/1", "files": paths, **counts, "findings": reading.findings})
         return

@@ -42,6 +42,25 @@ def folder_of(folder: Path, *, start_um: float = 0.0, spike: bool = False) -> tu
     return folder / "m.json", folder / "r.csv", folder / "machine.toml"
 
 
+def test_of_many_runs_the_screen_has_the_worst_and_all_runs_together(tmp_path, capsys):
+    model, first, machine = folder_of(tmp_path)
+    table = pd.read_csv(first).iloc[:60]
+    files = [str(tmp_path / f"d{k:02d}.csv") for k in range(45)]
+    for k, file in enumerate(files):
+        # a gain that is off by another part in each run
+        table.assign(Z=(1.0 + 0.1 * ((7 * k) % 45)) * table["Z"]).to_csv(file, index=False)
+    asked = ["apply", str(model), *files, "--machine", str(machine)]
+    assert exit_status(asked) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert len(shown) <= 40
+    runs = [line.split()[0] for line in shown if re.match(r" d\d\d ", line)]
+    assert runs == [f"d{k:02d}" for k in sorted(range(45), key=lambda k: -((7 * k) % 45))[:20]]
+    assert any(line.startswith(" all runs") for line in shown)
+    assert any("20 largest errors of 45; --all shows all" in line for line in shown)
+    assert exit_status([*asked, "--all"]) == 0
+    assert len(re.findall(r"(?m)^ d\d\d ", capsys.readouterr().out)) == 45
+
+
 @pytest.mark.parametrize(("start_um", "spike"), [(0.0, False), (80.0, False), (0.0, True)])
 def test_before_is_the_same_to_the_digit(tmp_path, capsys, start_um, spike):
     model, run, machine = folder_of(tmp_path, start_um=start_um, spike=spike)
