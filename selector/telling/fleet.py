@@ -130,13 +130,11 @@ def _state(one: WatchedMachine) -> str:
 def _watched(watch: FleetWatch) -> Table:
     ordered = sorted(watch.machines.items(), key=lambda item: _ORDER.index(_state(item[1])))
     rows: list[tuple[str, ...]] = []
-    marked = []
     for name, one in ordered:
         told = one.responses.items() if one.status in ("alarm", "quiet") else ()
         if not told:
             rows.append((name, _state(one), *(NONE,) * 6, one.error or ""))
         for response, of in told:
-            marked += [len(rows)] if of.alarm else []
             judged = (
                 NONE if of.highest is None else f"{number_text(of.highest, 2)} of {number_text(of.limit or 0.0, 2)}"
             )
@@ -145,9 +143,7 @@ def _watched(watch: FleetWatch) -> Table:
             errors = (number_text(value) for value in (of.rmse_um, of.expected_um, of.mean_um))
             rows.append((name, _state(one), response, str(of.runs), *errors, judged, what))
     head = (">runs", ">RMS error [µm]", ">when it was made [µm]", ">mean error [µm]", ">sum")
-    return table(
-        ("machine", "status", "response", *head, "what has changed"), rows, legend("fleet.watched"), marked=marked
-    )
+    return table(("machine", "status", "response", *head, "what has changed"), rows, legend("fleet.watched"))
 
 
 def _readings(watch: FleetWatch) -> Captioned | None:
