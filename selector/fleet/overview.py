@@ -21,19 +21,23 @@ class Overview:
     by_run_um: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
     serving: tuple[tuple[str, int], ...] = ()  #: See `serving`
     watch: FleetWatch | None = None  #: The last one that was kept
+    single: tuple[str, ...] = ()  #: Machines with one run, whose error is that of its parts
 
 
 def overview(results: Path, answer: FleetAnswer) -> Overview:
     """What lies in a results folder beside the answers; what cannot be read there is left out."""
     by_run: dict[str, dict[str, tuple[float, ...]]] = {}
     sets: dict[str, Sets] = {}
+    single: list[str] = []
     for name, one in answer.machines.items():
         try:
             told = json.loads((results / str(one.key) / "selection.json").read_text(encoding="utf-8"))
+            runs = {response: model["per_run"].values() for response, model in told["models"].items()}
             by_run[name] = {
-                response: tuple(float(error) for run in model["per_run"].values() if (error := run["heldout_rmse_um"]))
-                for response, model in told["models"].items()
+                response: tuple(float(error) for run in of if (error := run.get("heldout_rmse_um")))
+                for response, of in runs.items()
             }
+            single += [name] * any(finding["id"] == "one-run-only" for finding in told.get("findings", ()))
             equal = (told.get("equal_sets") or {}).get("sets", ())
             sets[name] = [frozenset(one.sensors), *(frozenset(of["sensors"]) for of in equal)]
         except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
@@ -42,7 +46,7 @@ def overview(results: Path, answer: FleetAnswer) -> Overview:
         watch = FleetWatch.model_validate_json((results / WATCH_FILE).read_bytes())
     except (OSError, ValidationError):
         watch = None
-    return Overview(by_run, serving(sets), watch)
+    return Overview(by_run, serving(sets), watch, tuple(single))
 
 
 def serving(sets: Mapping[str, Sets]) -> tuple[tuple[str, int], ...]:

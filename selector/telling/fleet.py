@@ -198,6 +198,9 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
             f"Record more runs, and other ones, on {', '.join(worst)}: the error on unseen runs is more than "
             f"{_UNLIKE:g} times that of most machines."
         )
+    if beside.single:
+        told = f"{', '.join(beside.single[:_MOST_LOOKED_AT])}{' …' * (len(beside.single) > _MOST_LOOKED_AT)}"
+        yield f"Record a second and a third run on {told}: there is one, which says nothing of another day."
     quiet = sum(one.status == "nothing-new" for one in watched.values())
     if quiet:
         yield f"Record the displacement now and then: nothing new of {_machines(quiet)} since its model was made."

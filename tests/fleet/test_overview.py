@@ -127,6 +127,23 @@ def test_an_answer_that_is_something_else_has_no_errors_run_by_run(fleet, tmp_pa
     assert "m2" in found.by_run_um
 
 
+def test_a_run_that_the_proof_does_not_cover_leaves_the_machine_its_bars_and_places(fleet, tmp_path):
+    asked = read_fleet(fleet)
+    shutil.copytree(asked.results, tmp_path / "results")
+    answer = read_answer(tmp_path / "results")
+    whole = overview(asked.results, answer)
+    place = tmp_path / "results" / answer.machines["m0"].key / "selection.json"
+    told = json.loads(place.read_text(encoding="utf-8"))
+    told["models"]["Z"]["per_run"]["r8"] = {"rmse_um": 1.0, "max_um": 2.0}
+    told["findings"].append({"id": "one-run-only", "level": "warning"})
+    place.write_text(json.dumps(told), encoding="utf-8")
+    found = overview(tmp_path / "results", answer)
+    assert found.by_run_um["m0"]["Z"] == whole.by_run_um["m0"]["Z"][:7]
+    assert found.serving == whole.serving
+    assert (whole.single, found.single) == ((), ("m0",))
+    assert any("third run on m0: " in item for item in block(fleet_account(answer, beside=found), "next")[0].items)
+
+
 def test_a_watch_whose_findings_say_nothing_is_none(fleet, tmp_path):
     asked = read_fleet(fleet)
     told = {"schema": "selector.fleet-watch/1", "alarms": 0, "machines": {"m0": {"status": "quiet", "findings": [{}]}}}
