@@ -44,6 +44,7 @@ def run(
             advice="leave one of the two out",
         )
     asked = read_fleet(fleet)
+    require_writable_folder(asked.results, "results")
     workers = Cluster(dask) if dask is not None else Processes(min(jobs or os.cpu_count() or 1, len(asked.studies)))
     try:
         with fleet_progress() as tell:
@@ -69,6 +70,7 @@ def watch(
 
     _require_page(out)
     asked = read_fleet(fleet)
+    require_writable_folder(asked.results, "results")
     with fleet_progress() as tell:
         account = watch_account(watch_fleet(asked, tell), title=_title(asked))
     _show(account, "the page of --out", as_json=as_json)

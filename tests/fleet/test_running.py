@@ -71,6 +71,17 @@ def test_reasons_of_many_machines_leave_the_screen_its_forty_lines(tmp_path, cap
     assert "Everything else that is known is in the page." in shown
 
 
+@pytest.mark.parametrize("command", ["run", "watch"])
+def test_results_that_cannot_be_kept_are_told_before_any_machine_is_looked_at(tmp_path, capsys, command):
+    (tmp_path / "taken").write_text("a file\n", encoding="utf-8")
+    path = fleet_file(tmp_path, 'results = "taken"\n[machines]\nm0 = "m0"\n')
+    assert exit_status(["fleet", command, str(path)]) == 2
+    told = capsys.readouterr().err
+    assert "a file of this name exists" in told
+    assert f"results {tmp_path / 'taken'}" in told
+    assert "m0" not in told
+
+
 def test_all_are_answered_in_the_order_of_the_file(fleet):
     workers = Told({f"m{i}": [DONE] for i in range(4)})
     told = []
