@@ -46,13 +46,12 @@ def policy_within(
     It has to whichever run is left out: a period that only one quiet day allows is none for the next. If none does,
     the period that held most.
     """
-    every = _periods(courses)
     nothing = np.zeros(0, dtype=np.intp)
     untouched = {name: [one.touched(nothing, np.zeros(0)) for one in several] for name, several in courses.items()}
     found: list[tuple[float | None, dict[str, Judged]]] = []
     shares: list[dict[str, np.ndarray]] = []
     is_reached = False
-    for period in every:
+    for period in _periods(courses):
         if say is not None:
             say("without touch-offs" if period is None else f"a touch-off every {period / 60.0:g} min")
         of = {name: judged(several, period) for name, several in untouched.items()}
@@ -60,9 +59,7 @@ def policy_within(
         shares.append({name: _inside(one, within_um) for name, one in of.items()})
         if is_reached := _holds(shares[-1]):
             break
-    at = len(found) - 1
-    if not is_reached:
-        at = max(range(len(found)), key=lambda k: _share(shares[k]))
+    at = len(found) - 1 if is_reached else max(range(len(found)), key=lambda k: _share(shares[k]))
     period, of = found[at]
     return Policy(within_um, period, _share(shares[at]), _share_unseen(shares), is_reached), of
 

@@ -109,8 +109,8 @@ class Lake:
         for day, part in frame.groupby(frame["time"].dt.strftime("%Y-%m-%d")):
             whole = self._whole(str(day))
             collected = [one for path in self._segments(whole) if (one := self._frame(path)) is not None]
-            whole_day = self._frame(whole) if whole.exists() else None
-            kept = [*collected, *([] if whole_day is None else [whole_day])]
+            whole_day = [self._frame(whole)] if whole.exists() else []
+            kept = [one for one in (*collected, *whole_day) if one is not None]
             mine = part.groupby("time").first()
             if kept:
                 before = pd.concat(kept).groupby("time").first()

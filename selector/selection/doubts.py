@@ -12,6 +12,7 @@ from selector.json_text import fields_of
 from selector.models.design import Datum, Rows
 from selector.models.least_squares import outermost_samples, validity_hull
 from selector.models.run_before import chain_before, follows_another
+from selector.number_text import number_text
 from selector.selection.choice import Offer
 from selector.selection.finding_table import FEW_RUNS, FINDINGS
 from selector.selection.fitting import evenly
@@ -327,7 +328,8 @@ def _few_runs(selection: Selection) -> Iterator[Finding]:
         return
     spans = {name: one.span_um(name, proof.rmse_um(name)) for name in selection.models}
     told = {name: one.factor_of(name) for name, span in spans.items() if span is not None}
-    errors = ", ".join(f"{name} by {span[0]:.2g} to {span[1]:.2g} µm" for name, span in spans.items() if span)
+    ends = {name: " to ".join(number_text(end, 2) for end in span) for name, span in spans.items() if span}
+    errors = ", ".join(f"{name} by {span} µm" for name, span in ends.items())
     begin = f" that do not begin alike (sensors {one.starts_apart_k:.2g} K apart from run to run)" * one.is_warm
     asides = [f"{one.in_a_row} of which begin where another ended"] if one.in_a_row else []
     asides += ["which is little for memory"] if selection.recipe.design.lags else []

@@ -203,6 +203,9 @@ def _of_axis(name: str, source: RunSource, displacements: Sequence[str]) -> str:
     return of_axis[0] if name not in displacements and len(of_axis) == 1 else name
 
 
+_NONE = "set roles in the file of `selector describe --write machine.toml`, or mend the faults that leave channels out"
+
+
 def question_of(source: RunSource, options: Options) -> Question:
     """Check the options against the channels of a recording.
 
@@ -219,7 +222,7 @@ def question_of(source: RunSource, options: Options) -> Question:
             "no displacement channel",
             expected="at least one channel with role displacement",
             where=f"recording with channels {listing}",
-            advice="write a machine file with `selector describe FILE --write machine.toml`, set the role there",
+            advice=_NONE,
         )
     formula = options.asked_formula
     asked = formula.responses if formula else [_of_axis(name, source, displacements) for name in options.responses]
@@ -231,7 +234,7 @@ def question_of(source: RunSource, options: Options) -> Question:
             "no temperature channel",
             expected="at least one channel with role temperature or ambient",
             where=f"recording with channels {listing}",
-            advice="set the roles in the machine file (`selector describe FILE --write machine.toml`)",
+            advice=_NONE,
         )
     for option, names in (
         ("--must", options.must),

@@ -32,6 +32,7 @@ def fleet_account(
         sentences.append(f"{_machines(len(absent))} not found: {', '.join(absent)}. The model of each stays in use.")
     if missing:
         sentences.append(f"{_machines(len(missing))} had no turn yet: `selector fleet run` goes on from here.")
+    machines = Captioned("", _table(answer, missing, beside or Overview()))
     return Account(
         title=title,
         verdict="bad" if failed or absent else "good" if not missing else "plain",
@@ -42,12 +43,7 @@ def fleet_account(
             else section(
                 "next", "What to do this week", Items(tuple(_to_do(answer, missing, beside))), link="This week"
             ),
-            section(
-                "machines",
-                "Machines, the worst first",
-                Captioned("", _table(answer, missing, beside or Overview())),
-                link="Machines",
-            ),
+            section("machines", "Machines, the worst first", machines, link="Machines"),
             section("sensors", "Sensors over the fleet", _serving(beside), _sensors(answer), link="Sensors"),
         ),
         data=answer.model_dump(by_alias=True),
@@ -87,21 +83,17 @@ def sisters_account(answer: SistersAnswer, *, title: str = "Fleet") -> Account:
         if one.alone:
             sentences.append(f"{name}: unlike all others, and not learnt from: {', '.join(one.alone)}.")
         if one.errors:
-            errors = (number_text(one.errors[f"{way}_um"]) for way in ("none", "own", "pooled", "sisters"))
-            rows.append((name, f"{one.errors['machines']:.0f}", *errors))
+            um = (number_text(one.errors[f"{way}_um"]) for way in ("none", "own", "pooled", "sisters"))
+            rows.append((name, f"{one.errors['machines']:.0f}", *um))
     head = (">machines", ">no correction [µm]", ">these runs alone [µm]", ">all as one [µm]", ">sisters [µm]")
+    errors = table(("response", *head), rows, legend("fleet.sisters"))
     others = table(("machine", "reason"), list(answer.left_out.items()))
     return Account(
         title=f"{title}: what its sisters tell of {answer.machine}",
         verdict="plain" if answer.verdict == "none" else "good",
         sentences=tuple(sentences),
         sections=sections(
-            section(
-                "errors",
-                "Errors",
-                Captioned("", table(("response", *head), rows, legend("fleet.sisters"))),
-                link="Errors",
-            ),
+            section("errors", "Errors", Captioned("", errors), link="Errors"),
             section("left-out", "Machines that are no sisters", Captioned("", others), link="Left out"),
         ),
         data=answer.model_dump(by_alias=True),

@@ -6,9 +6,11 @@ import json
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 import statsmodels.api as sm
 
+from selector.cli import exit_status
 from selector.controllers.from_selection import model_file_of
 from selector.errors import OptionError
 from selector.readers import read
@@ -135,3 +137,25 @@ def test_the_noise_of_a_gauge_is_seen_beneath_a_machine_that_warms_up():
     for noise in (0.1, 0.4, 2.0):
         seen = gauge_noise((drift + rng.normal(0.0, noise, len(time)))[:, None])
         assert seen[0] == pytest.approx(noise, rel=0.06)
+
+
+def test_where_all_thermometers_are_left_out_the_advice_names_faults_beside_roles(tmp_path, capsys):
+    table = pd.DataFrame({"t [min]": np.arange(60.0), "T1 [degC]": -9999.0, "T2 [degC]": -9999.0})
+    for run in ("r1", "r2"):
+        table.assign(**{"Z [um]": np.linspace(0.0, 20.0, 60)}).to_csv(tmp_path / f"{run}.csv", index=False)
+    assert exit_status(["select", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert "no temperature channel" in told
+    assert "mend the faults" in told
+    # what is advised shows them
+    assert exit_status(["describe", str(tmp_path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["findings"]
+    assert {one["where"]["channel"] for one in found if one["action"] == "leave-out-channel"} == {"T1", "T2"}
+
+
+def test_the_span_of_large_errors_is_told_without_powers_of_ten(milling):
+    large = milling.with_values(milling.frame.assign(Z=200.0 * milling.frame["Z"]))
+    [few] = [one for one in select(large, Options(responses=("Z",))).findings if one.id == "few-runs"]
+    low, high = few.evidence["between_um"]["Z"]
+    assert high > 100.0
+    assert f"Z by {low:.0f} to {high:.0f} µm" in few.statement
