@@ -105,7 +105,7 @@ def _machines(said: FleetFile, place: Path) -> Iterator[tuple[str, MachineSectio
             found = [one for one in found_by(found[0]) if may_hold_recordings(one) and Path(one) != own]
         if not found:
             raise _unusable(f"nothing that {pattern!r} fits", f"{place}, key folders", "correct the pattern")
-        yield from ((last_part(one), MachineSection(runs=(one,))) for one in found)
+        yield from ((last_part(one) or one, MachineSection(runs=(one,))) for one in found)
     yield from said.machines.items()
 
 

@@ -1,5 +1,7 @@
 """FLEET.toml: machines by pattern or by name, the question of each, and what cannot be."""
 
+from pathlib import Path
+
 import pytest
 
 from selector.errors import StudyError
@@ -23,6 +25,11 @@ def test_a_pattern_means_every_folder_and_recording_in_natural_order(plant):
     assert fleet.studies["m2"].recordings.runs == (str(plant / "plant" / "m2"),)
     assert fleet.results == plant / "plant" / "results"
     assert fleet.time_limit_s == 3600.0
+
+
+def test_a_machine_has_a_name_even_where_its_folder_has_none(plant):
+    root = Path(plant.anchor).as_posix()
+    assert list(read_fleet(fleet_file(plant, f'folders = ["{root}"]\n')).studies) == [root]
 
 
 def test_a_machine_is_a_text_an_array_or_a_table_and_changes_single_options(plant):
