@@ -30,7 +30,7 @@ from selector.diagnosis.evidence.confirmation import (
 from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.discrepancy import beside_discrepancy
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
-from selector.diagnosis.evidence.gain import fit_of, gap_closed, left_by
+from selector.diagnosis.evidence.gain import fit_of, gap_closed
 from selector.diagnosis.evidence.naming import (
     as_carried,
     evidence_rows,
@@ -42,21 +42,20 @@ from selector.diagnosis.evidence.naming import (
     is_structured,
     named_effect,
     of_practical_size,
+    or_parameters,
     part_of,
     seen_only,
     told_of_small,
     whole_record_effect,
 )
-from selector.diagnosis.evidence.own_parameters import or_parameters
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, is_slow_in_one_run, numbers, search
 from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
-from selector.diagnosis.mismatch.acting import places
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record, told_of_wandering, unexplained
-from selector.diagnosis.mismatch.switching import Switched, gain_beside, switched, told_of_switches
+from selector.diagnosis.mismatch.switching import Switched, gain_beside, places, switched, told_of_switches
 from selector.diagnosis.next_run.experiments import next_runs
 from selector.diagnosis.shapes.input_faults import InputFault, input_faults, told_of_inputs
 from selector.diagnosis.shapes.own_resonances import with_moved_resonances
@@ -113,10 +112,11 @@ def _recalibrated_resonances(answer: Diagnosis, asked: "_Asked") -> Diagnosis | 
     moved = with_moved_resonances(answer.comparison)
     if moved is None:
         return None
-    beside = _staged(_State(moved.comparison, asked))
-    if beside.verdict == "unexplained" or any(one.share > _MOST * moved.share for one in beside.effects):
+    comparison, resonances, share = moved
+    beside = _staged(_State(comparison, asked))
+    if beside.verdict == "unexplained" or any(one.share > _MOST * share for one in beside.effects):
         return None
-    alone = _staged(_State(moved.comparison, replace(asked, effects=())))
+    alone = _staged(_State(comparison, replace(asked, effects=())))
     found = replace(
         beside,
         verdict="miscalibrated",
@@ -124,7 +124,7 @@ def _recalibrated_resonances(answer: Diagnosis, asked: "_Asked") -> Diagnosis | 
         where=(),
         also_seen=(*beside.also_seen, *seen_only(beside.effects)),
         fit=alone.fit,
-        recalibration={**alone.recalibration, "model": moved.resonances},
+        recalibration={**alone.recalibration, "model": resonances},
     )
     return replace(found, headline=headline(found))
 
@@ -312,7 +312,7 @@ def _looked_at_what_is_left(state: _State) -> _State:
     asked, comparison, found = state.asked, state.comparison, state.search
     late = held_out_faults(comparison, found, asked.effects, false_alarm=asked.false_alarm, seed=asked.seed)
     only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in found.benches.values())
-    residuals, white = left_by(comparison, found, only_fitted=only_fitted)
+    residuals, white = _left(comparison, found, only_fitted=only_fitted)
     seen = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
     little = {name for name in found.benches if is_little_in_one_run(comparison, found, name)}
     of_size = [one for one in seen if one.channel not in little]
@@ -546,6 +546,22 @@ def _worth_naming(comparison: Comparison, found: Search) -> Search:
     sizes = {id_: max(effect.share, part_of(found, effect)) for id_, effect in named.items()}
     worth = {id_ for id_, size in sizes.items() if size >= least}
     return found.only({id_ for id_ in worth if sizes[id_] >= LEAST or not confirmation(comparison, found, id_).refutes})
+
+
+def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:
+    """What the names of a search leave of every response, (n_rows,), and the same behind the noise filter.
+
+    With `only_fitted` NaN in the other rows: what a named effect does on another programme may differ a little from its
+    fit, and is no other effect; so is what comes back with a cycle.
+    """
+    looked = ~comparison.held_out if only_fitted else np.ones(len(comparison.time_s), dtype=bool)
+    residuals, white = {}, {}
+    for name, bench in found.benches.items():
+        of = numbers(found.named, name)
+        residuals[name] = np.where(looked, bench.residual(of), np.nan)
+        of_noise = bench.white_residual(of) * np.sqrt(found.misfit.get(name, 1.0))
+        white[name] = np.where(looked, of_noise, np.nan)
+    return residuals, white
 
 
 def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure]) -> bool:

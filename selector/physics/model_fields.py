@@ -514,8 +514,5 @@ def _table(values: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
 
 def _has_sections(value: Any, depth: int) -> bool:
     """Whether a value at this depth is written below headers of its own."""
-    return depth < _DEEPEST and (isinstance(value, Mapping) or _is_array_of_tables(value))
-
-
-def _is_array_of_tables(value: Any) -> bool:
-    return isinstance(value, list | tuple) and bool(value) and all(isinstance(one, Mapping) for one in value)
+    is_array = isinstance(value, list | tuple) and bool(value) and all(isinstance(one, Mapping) for one in value)
+    return depth < _DEEPEST and (isinstance(value, Mapping) or is_array)

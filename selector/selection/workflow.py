@@ -217,7 +217,9 @@ def _best_plan(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array
         return best_of_offer, list(errors)[-1]
     taken, *richer = best_of_offer.values()
     for plan in richer:
-        loses = (errors[plan] > WORTH_A_RICHER_MODEL * errors[taken]) & _losses(unseen[taken], unseen[plan])
+        n_samples = unseen[taken].n_samples
+        loses = _more_than_its_error(unseen[plan].mse - unseen[taken].mse, n_samples / n_samples.sum())
+        loses &= errors[plan] > WORTH_A_RICHER_MODEL * errors[taken]
         better = WORTH_A_RICHER_MODEL * _rms(errors[plan]) < _rms(errors[taken])
         # what is won with fewer sensors need not be clear: these are what costs
         is_clear = plan[1] < taken[1] or _is_clear(unseen[taken], unseen[plan], unit)
@@ -241,11 +243,6 @@ def _is_clear(poorer: HeldOut, richer: HeldOut, unit: Array) -> bool:
     """Whether the gain in squared error, part by part, is more than one standard error from zero."""
     share = poorer.n_samples / poorer.n_samples.sum()
     return bool(_more_than_its_error(((poorer.mse - richer.mse) / unit**2).mean(axis=1), share))
-
-
-def _losses(poorer: HeldOut, richer: HeldOut) -> Mask:
-    """Whether the loss in squared error of each response is more than one standard error from zero."""
-    return _more_than_its_error(richer.mse - poorer.mse, poorer.n_samples / poorer.n_samples.sum())
 
 
 def _more_than_its_error(differences: Array, share: Array) -> Mask:
@@ -302,10 +299,8 @@ def fit_per_run(
     for j, name in enumerate(responses):
         error = rows.responses[:, j] - models[name].predicted(rows.variables)
         found[name] = {
-            run: _rmse_and_max(error[rows.run == r]) for r, run in enumerate(rows.runs) if (rows.run == r).any()
+            run: (float(np.sqrt(np.mean(of_run**2))), float(np.abs(of_run).max()))
+            for r, run in enumerate(rows.runs)
+            if len(of_run := error[rows.run == r])
         }
     return found
-
-
-def _rmse_and_max(error: Array) -> tuple[float, float]:
-    return float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())

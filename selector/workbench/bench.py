@@ -177,12 +177,6 @@ class Bench:
         self.changed()
         return True
 
-    def drop_simulated(self, path: Path) -> None:
-        """Removes the copy of a simulated run from the study folder."""
-        if path in self.simulated:
-            path.unlink()
-            self.changed()
-
     def read_as(self, overrides: Overrides) -> None:
         """Reads the recordings again, with other decisions about encoding, separator, clock and the like.
 

@@ -18,8 +18,7 @@ from selector.diagnosis.evidence.confirmation import (
     not_ruinous,
     only_cancels,
 )
-from selector.diagnosis.evidence.naming import as_carried, named_effect
-from selector.diagnosis.evidence.own_parameters import or_parameters
+from selector.diagnosis.evidence.naming import as_carried, named_effect, or_parameters
 from selector.diagnosis.evidence.recalibration import contradicted, recalibrated
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search

@@ -49,8 +49,9 @@ LITTLE_OFF = ((48.4, 0.035, 1.0), (130.0, 0.02, 0.4))
 def test_they_are_found_where_the_recording_has_them():
     moved = with_moved_resonances(shaken(LITTLE_OFF))
     assert moved is not None
-    assert sorted(one.value for one in moved.resonances.values()) == pytest.approx([-0.763, 0.833], abs=0.1)
-    assert 0.5 < moved.share < 1.0
+    _, resonances, share = moved
+    assert sorted(one.value for one in resonances.values()) == pytest.approx([-0.763, 0.833], abs=0.1)
+    assert 0.5 < share < 1.0
 
 
 def test_resonances_a_little_off_are_a_matter_of_calibration():

@@ -50,11 +50,6 @@ class Confirmation:
         return self.gain < -_SEEN or (self.gain <= 0.0 and self.energy > _SEEN) or self.is_of_another_size
 
     @property
-    def falls_short(self) -> bool:
-        """Whether it gains clearly less there than an effect of its size does."""
-        return self.gain < _PART * self.energy
-
-    @property
     def is_of_another_size(self) -> bool:
         """Whether its size on the held-out rows is surely and clearly another than on those that it was fitted to."""
         if not (self.energy > 0.0 and self.fitted_energy > 0.0):
@@ -88,7 +83,8 @@ def confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     """
     effect, told = named_effect(comparison, found, id_), confirmation(comparison, found, id_)
     left = left_unseen(effect, found)
-    is_lost = effect.acts is None and left >= 1.0 and (effect.share < LEAST or told.falls_short)
+    falls_short = told.gain < _PART * told.energy
+    is_lost = effect.acts is None and left >= 1.0 and (effect.share < LEAST or falls_short)
     return doubted(effect) if is_lost or (told.refutes and left > _BORNE_OUT) else effect
 
 

@@ -11,7 +11,6 @@ from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.moments import plain_fit
 from selector.diagnosis.evidence.naming import noise_floor
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Vector
@@ -67,7 +66,8 @@ def _unseen_floor(comparison: Comparison, bench: Bench, named: Sequence[int], le
 
 def recalibration(bench: Bench) -> Vector:
     """What offset, gain and delay alone explain, by plain least squares [unit], all rows."""
-    plain = bench.nuisance[:, : bench.n_plain]
+    before_own = min((part.start for part in bench.own.values()), default=None)
+    plain = bench.nuisance[:, :before_own]
     return np.asarray(plain @ least_squares(plain[bench.fitted], bench.target[bench.fitted]))
 
 
@@ -127,19 +127,3 @@ def _placebo(
         gains.append((rms(middle[held]) - rms((bench.target - base @ beta)[held])) / gap)
     low, value, high = (float(share) for share in np.quantile(gains, (0.025, 0.5, 0.975)))
     return Quantity(value, "1", low, high)
-
-
-def left_by(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:
-    """What the names of a search leave of every response, (n_rows,), and the same behind the noise filter.
-
-    With `only_fitted` NaN in the other rows: what a named effect does on another programme may differ a little from its
-    fit, and is no other effect; so is what comes back with a cycle.
-    """
-    looked = ~comparison.held_out if only_fitted else np.ones(len(comparison.time_s), dtype=bool)
-    residuals, white = {}, {}
-    for name, bench in found.benches.items():
-        of = numbers(found.named, name)
-        residuals[name] = np.where(looked, bench.residual(of), np.nan)
-        of_noise = bench.white_residual(of) * np.sqrt(found.misfit.get(name, 1.0))
-        white[name] = np.where(looked, of_noise, np.nan)
-    return residuals, white

@@ -80,11 +80,6 @@ class Bench:
     #: (len(rows),): Takes the place of the whitened target, where its noise has heavy tails
     pseudo_target: Vector | None = None
 
-    @property
-    def n_plain(self) -> int:
-        """Columns of `nuisance` before the own parameters."""
-        return min((part.start for part in self.own.values()), default=self.nuisance.shape[1])
-
     def without_own(self, id: str) -> Bench:  # noqa: A002 - the word of the contract
         """The same with an own parameter as a candidate instead."""
         if id not in self.own:

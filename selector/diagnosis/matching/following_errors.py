@@ -1,5 +1,6 @@
 """Positions that are none: what an axis is behind its command is declared as a position in many a machine file."""
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -11,7 +12,6 @@ from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import by_run, rate
 from selector.findings import Where
-from selector.recording import Channel
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
 
@@ -26,10 +26,15 @@ def with_following_errors(comparison: Comparison) -> Comparison:
     Such a channel hardly moves beside the command of its axis and does not go with it, but with its speed, acceleration
     and sense.
     """
-    found = [channel for channel in comparison.channels if _is_error(comparison, channel)]
-    if not found:
+    names = {
+        channel.name
+        for channel, one in itertools.product(comparison.channels, comparison.channels)
+        if (channel.role, one.role) == ("position", "position_command")
+        and channel.axis in (None, one.axis)
+        and _goes_with_motion(comparison, channel.name, one.name)
+    }
+    if not names:
         return comparison
-    names = {channel.name for channel in found}
     told = (
         FINDINGS.finding(
             "following-error",
@@ -53,13 +58,6 @@ def with_following_errors(comparison: Comparison) -> Comparison:
         recorded=in_um(comparison.recorded),
         simulated=in_um(comparison.simulated),
         findings=(*comparison.findings, *told),
-    )
-
-
-def _is_error(comparison: Comparison, channel: Channel) -> bool:
-    commands = [one for one in comparison.channels if one.role == "position_command"]
-    return channel.role == "position" and any(
-        _goes_with_motion(comparison, channel.name, one.name) for one in commands if channel.axis in (None, one.axis)
     )
 
 

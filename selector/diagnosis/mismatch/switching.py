@@ -1,7 +1,7 @@
-"""Whether what is left is what an unrecorded switch does: at which moments, how quickly the response follows."""
+"""Whether an unrecorded switch did what is left, when and how quickly; when and where all that is told acts."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from functools import cached_property
 
@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from scipy import fft, optimize
 from scipy.linalg import orth
 
+from selector.diagnosis.answer import NamedEffect, Place
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.finding_table import FINDINGS, UNRECORDED_SWITCH
 from selector.diagnosis.mismatch.background import seen_rows
-from selector.diagnosis.mismatch.location import LARGE, in_words
+from selector.diagnosis.mismatch.location import LARGE, active_windows, in_words
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import course
@@ -470,3 +471,35 @@ def told_of_switches(comparison: Comparison, switches: Mapping[str, Switched]) -
     )
     evidence = {"changes": [vars(change) for change in one.changes], "lags_s": list(one.lags_s), "unit": unit}
     return (FINDINGS.finding(UNRECORDED_SWITCH, statement, Where(channel=one.channel), {**evidence, "also_in": also}),)
+
+
+def places(
+    comparison: Comparison,
+    named: Sequence[NamedEffect],
+    structures: Sequence[Structure],
+    switches: Mapping[str, Switched],
+    residuals: Mapping[str, Vector],
+) -> tuple[Place, ...]:
+    """Windows in which the named effects act, or in which what nothing explains is large.
+
+    `switches` and `residuals` (n_rows,) are by response: what nobody recorded does there, and what is left.
+    """
+    found: list[Place] = []
+    for effect in named:
+        if effect.acts is not None:
+            run, first, last = effect.acts
+            rows = comparison.time_s[comparison.run_index == comparison.runs.index(run)]
+            window = float(rows[0] if first is None else first), float(rows[-1] if last is None else last)
+            found += [Place(name, effect.place, run, *window, None, effect.share) for name in effect.channels]
+            continue
+        for channel in effect.channels:
+            windows = active_windows(comparison, channel, effect.courses[channel])
+            found += [replace(place, place=effect.place, share=place.share * effect.share) for place in windows]
+    if not named and structures:
+        surest = structures[0]
+        regime = surest.regime or surest.band_words
+        for channel in switches or [surest.channel]:
+            acts = switches[channel].course if switches else residuals[channel]
+            windows = active_windows(comparison, channel, acts)
+            found += [replace(place, regime=place.regime or regime, p_value=surest.p_value) for place in windows]
+    return tuple(found)

@@ -320,7 +320,11 @@ def separations(
         if shape is not None:
             truths[id_] = _like(scene, base, shape, meant)
     # what nothing of is seen in the record may be fitted, but is not taken for true
-    seen = {id_ for id_, truth in truths.items() if id_ == effect.id or _seen(scene, base, truth) > 1.0}
+    # what recalibration and the other named effects leave of it on the recorded rows
+    own = _basis(base[scene.old])
+    seen = {
+        id_ for id_, truth in truths.items() if id_ == effect.id or np.linalg.norm(_off(own, truth[scene.old])) > 1.0
+    }
     return tuple(
         Separation(true, other, _distance(scene, base, truths[true], other))
         for true, other in permutations(truths, 2)
@@ -392,11 +396,6 @@ def _like(scene: _Scene, base: Matrix, shape: Variant, course: Vector) -> Vector
     q = _basis(base[scene.old])
     fit = np.linalg.lstsq(_off(q, white[scene.old]), _off(q, _target(scene, course)), rcond=1e-8)[0]
     return np.asarray(white @ fit)
-
-
-def _seen(scene: _Scene, base: Matrix, truth: Vector) -> float:
-    """Norm of a course on the recorded rows, without what recalibration and the other named effects take of it."""
-    return float(np.linalg.norm(_off(_basis(base[scene.old]), truth[scene.old])))
 
 
 def _off(q: Matrix, columns: Any) -> Any:

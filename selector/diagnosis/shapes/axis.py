@@ -288,8 +288,7 @@ def simulated_forces(comparison: Comparison, axis: str | None) -> dict[str, Vect
     moving, drive = motion(comparison, axis), simulated_drive_force(comparison, axis)
     if moving is None or drive is None:
         return {}
-    whole = slice(0, len(comparison.time_s))
-    _, distance, mass, viscous, dry = min(_of_mechanics(moving, drive[1], one, whole) for one in PRESLIDING_M)
+    _, distance, mass, viscous, dry = min(_of_mechanics(moving, drive[1], one, slice(None)) for one in PRESLIDING_M)
     return {
         "drive.mass": mass * moving.acceleration_m_per_s2,
         "drive.viscous": viscous * moving.velocity_m_per_s,

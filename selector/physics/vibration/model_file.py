@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
@@ -41,14 +41,10 @@ Corner = tuple[Annotated[float, limited(0, 1e6)], Rpm]
 _NUMBER, _CORNERS = choice_tag("number"), choice_tag("corners")
 
 
-def _speed_kind(value: Any) -> str:
-    return _CORNERS if isinstance(value, list | tuple) else _NUMBER
-
-
 #: A speed that stays, or the corners of a course that is straight between them.
 Speed = Annotated[
     Annotated[Rpm, Tag(_NUMBER)] | Annotated[tuple[Corner, ...], Field(min_length=2, max_length=10_000), Tag(_CORNERS)],
-    Discriminator(_speed_kind),
+    Discriminator(lambda value: _CORNERS if isinstance(value, list | tuple) else _NUMBER),
 ]
 
 Exponent = Annotated[float, limited(-10, 10)]
@@ -90,14 +86,14 @@ class JointSection(Entry):
     dissipation: Annotated[float, limited(0, 100), Fit(up_to=2.0), Usual(0.0, 3.0, {"%": 0.01})] = 0.0
 
 
-def _grouped(path: Any) -> Any:
-    """A text in a path stands for a group of one."""
-    return [[group] if isinstance(group, str) else group for group in path] if isinstance(path, list | tuple) else path
-
-
 Groups = Annotated[
     tuple[Annotated[tuple[Name, ...], Field(min_length=1, max_length=MOST_MEMBERS)], ...],
-    BeforeValidator(_grouped),
+    # a text in a path stands for a group of one
+    BeforeValidator(
+        lambda path: (
+            [[one] if isinstance(one, str) else one for one in path] if isinstance(path, list | tuple) else path
+        )
+    ),
     Field(max_length=MOST_MEMBERS),
 ]
 

@@ -114,9 +114,10 @@ def _missing(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions,
             continue
         names = sorted({coupled.sources[number] for number in coupled.source[rows].tolist()})
         frequency = np.sort(coupled.frequency_hz[rows])
+        at = ", ".join(f"{value:.4g}" for value in frequency[:6]) + (" …" if len(frequency) > 6 else "")
         yield FINDINGS.finding(
             "no-chain-to-final",
-            f"No chain leads to the {final} from {', '.join(names)} at {_listed(frequency)} Hz: "
+            f"No chain leads to the {final} from {', '.join(names)} at {at} Hz: "
             f"{missing:.3g} µm of its {size:.3g} µm (rms, coupled structure) are missing from the chain method.",
             evidence={
                 "final": final,
@@ -168,10 +169,6 @@ def _off(differences: Sequence[dict[str, Any]], level: Level) -> Finding:
         + (f" Off too: {', '.join(beside)}." if beside else "")
     )
     return FINDINGS.finding("chains-off-coupled", said, evidence={**worst, "others": others}, level=level)
-
-
-def _listed(frequency_hz: NDArray[np.float64]) -> str:
-    return ", ".join(f"{value:.4g}" for value in frequency_hz[:6]) + (" …" if len(frequency_hz) > 6 else "")
 
 
 def height_findings(heights: Iterable[KindHeight]) -> tuple[Finding, ...]:

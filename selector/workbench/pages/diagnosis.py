@@ -88,7 +88,8 @@ def register(app: dash.Dash, bench: Bench) -> None:
             files = {path.name: path for path in bench.simulated}
             name = str(dash.ctx.triggered_id["file"])
             if name in files:
-                bench.drop_simulated(files[name])
+                files[name].unlink(missing_ok=True)
+                bench.changed()
             parts.tell(bench)
 
     form = _boxes(bench).register(app, bench)

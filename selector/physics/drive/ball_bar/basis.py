@@ -57,11 +57,6 @@ class CirclePair:
         """Distance of the workpiece ball from the centre of its table over R; 0 without a table."""
         return 0.0 if self.table_ball is None else self.table_ball.ball_distance_m * 1e6 / self.radius_um
 
-    @property
-    def turns_whole(self) -> bool:
-        """Whether both directions lead the axes through the same places."""
-        return self.table_ball is None or float(self.table_ball.ratio).is_integer()
-
     @cached_property
     def places(self) -> tuple[Vector, Vector]:
         """Place of each axis over R, from the centre."""
@@ -96,11 +91,6 @@ class CirclePair:
         columns = smooth_columns(self)
         kept = told_apart(columns)
         return {name: columns[name] for name in kept}
-
-    @cached_property
-    def smooth_matrix(self) -> Matrix:
-        """`smooth` side by side."""
-        return np.column_stack(list(self.smooth.values()))
 
     def places_at(self, turned_rad: Vector, order: int = 0) -> tuple[Vector, Vector]:
         """Places of the axes over R, or their derivatives, where the bar has travelled so far."""

@@ -109,7 +109,7 @@ def likeliest_wavelength(pair: CirclePair, axis: int, residual: Vector) -> tuple
     # of directions that lead through other places each has bins of its own
     bins = np.floor((pair.turned_rad % (2.0 * np.pi)) / (2.0 * np.pi) * _BINS).astype(np.int64) % _BINS
     turned = (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
-    if not pair.turns_whole:
+    if pair.table_ball is not None and not float(pair.table_ball.ratio).is_integer():
         bins, turned = bins + _BINS * (pair.direction < 0), np.concatenate([turned, turned - 2.0 * np.pi])
     weight = np.bincount(bins, minlength=len(turned)).astype(np.float64)
     summed = np.bincount(bins, residual, len(turned))
@@ -293,7 +293,7 @@ def _block_columns(pair: CirclePair, shapes: Shapes, block: str) -> Matrix:
 
 def _columns(pair: CirclePair, shapes: Shapes, kept: tuple[str, ...], without: str = "") -> Matrix:
     """Smooth columns, backlash, and the blocks that are kept; waves that have no wavelength yet are left out."""
-    parts = [pair.smooth_matrix, *(backlash_columns(pair, axis, shapes.gap_um[axis]) for axis in (0, 1))]
+    parts = [*pair.smooth.values(), *(backlash_columns(pair, axis, shapes.gap_um[axis]) for axis in (0, 1))]
     parts += [
         _block_columns(pair, shapes, block)
         for block in kept

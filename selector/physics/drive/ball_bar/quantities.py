@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector.errors import InputError
 from selector.physics.drive.ball_bar.circle import BallBarTrace
@@ -174,7 +174,8 @@ def minimum_zone_um(angle_rad: ArrayLike, deviation_um: ArrayLike, radius_um: fl
             outside = np.where(taken, 0.0, np.maximum(left - outer, inner - left))
             if outside.max() <= _FEASIBLE_UM:
                 break
-            taken |= (outside == outside.max()) | ((outside > _FEASIBLE_UM) & _is_peak(outside))
+            is_peak = (outside >= np.roll(outside, 1)) & (outside >= np.roll(outside, -1))
+            taken |= (outside == outside.max()) | ((outside > _FEASIBLE_UM) & is_peak)
         centre = (centre[0] + float(shift[0]), centre[1] + float(shift[1]))
         if np.hypot(shift[0], shift[1]) <= _ENOUGH * radius_um:
             break
@@ -202,10 +203,6 @@ def _about(centre_um: tuple[float, float], angle: Vector, deviation: Vector, rad
     radial = deviation + shift / (np.sqrt(outside**2 + shift) + outside)
     direction = np.arctan2(outside * sin - centre_um[1], outside * cos - centre_um[0])
     return radial, np.asarray(direction)
-
-
-def _is_peak(values: Vector) -> NDArray[np.bool_]:
-    return np.asarray((values >= np.roll(values, 1)) & (values >= np.roll(values, -1)), dtype=np.bool_)
 
 
 def _extreme(values: Vector, angle: Vector, sign: int) -> Extreme:

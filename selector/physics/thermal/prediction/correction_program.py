@@ -288,7 +288,8 @@ def program_blocks(programs: Mapping[str, CorrectionProgram]) -> str:
     lines = [Path(__file__).with_name("program_rules.txt").read_text(encoding="utf-8")]
     for response, program in programs.items():
         allowed = ", ".join(f"{one:g}" for one in program.tolerances_um)
-        lines.append(f"[{_one_line(response)}]   tolerance {allowed} µm")
+        name = "".join(sign if sign.isprintable() else " " for sign in response)
+        lines.append(f"[{name}]   tolerance {allowed} µm")
         number = 0
         for place, operation in enumerate(program.operations, start=1):
             lines.append("")
@@ -329,10 +330,6 @@ def _minutes(minutes: float) -> str:
 def _short(value: float) -> str:
     text = f"{value:.1f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
-
-
-def _one_line(text: str) -> str:
-    return "".join(sign if sign.isprintable() else " " for sign in text)
 
 
 #: Operations of which every order is tried; of more, two change places as long as that saves corrections.

@@ -41,7 +41,9 @@ def _rows(bench: Bench) -> Rows:
             "cost", lambda text, name: typed.number(text or "1", f"cost of {name}", 0.0),
             lambda name: bench.options.cost.get(name, 1.0), lambda cost: f"{cost:.12g}",
         ),
-        Column("place", lambda text, name: _coordinates(text, name) if text else None, place, _place_text),
+        Column("place", lambda text, name: _coordinates(text, name) if text else None, place,
+            lambda xyz_m: ", ".join(f"{v:g}" for v in xyz_m or ()),
+        ),
     )  # fmt: skip
     return Rows(ID, columns, lambda: [one.name for one in sensors_of(bench)], choose)
 
@@ -82,10 +84,6 @@ def register(app: dash.Dash, bench: Bench) -> parts.Form:
 
 def _use(options: Options, name: str) -> str:
     return USES[1] if name in options.must else USES[2] if name in options.never else USES[0]
-
-
-def _place_text(xyz_m: tuple[float, float, float] | None) -> str:
-    return "" if xyz_m is None else ", ".join(f"{v:g}" for v in xyz_m)
 
 
 def _table(bench: Bench) -> Component:
