@@ -58,7 +58,7 @@ def fleet(tmp_path):
 
 
 def test_reasons_of_many_machines_leave_the_screen_its_forty_lines(tmp_path, capsys):
-    reason = "a folder without recordings. Expected: files that end in .csv. What to do: " + "name the folder " * 20
+    reason = "a folder without recordings. Expected: files that end in .csv. What to do: " + "name the folder " * 8
     given = {f"m{i:02d}": Answer(status="failed", error=reason) for i in range(30)}
     path = fleet_file(tmp_path, "[machines]\n" + "".join(f'{name} = "{name}"\n' for name in given))
     run_fleet(read_fleet(path), Told({name: [one] for name, one in given.items()}), refit=False)

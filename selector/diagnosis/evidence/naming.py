@@ -201,10 +201,11 @@ def as_carried(effect: NamedEffect, found: Search) -> NamedEffect:
 
 def or_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> NamedEffect:
     """The effect no surer than half where wrong parameters do the same, and told so."""
-    fitted, course = found.benches[effect.channel].fitted, effect.courses[effect.channel]
-    moved = _OF_MOVEMENT * float(np.nanstd(comparison.recorded[effect.channel][fitted]))
-    is_little_heat = effect.id in _OF_HEAT and float(np.std(course[fitted])) < moved
-    if not is_little_heat and not _is_little_force(comparison, found, effect):
+    is_like = _is_little_force(comparison, found, effect)
+    if effect.id in _OF_HEAT:
+        fitted, course = found.benches[effect.channel].fitted, effect.courses[effect.channel]
+        is_like = bool(np.std(course[fitted]) < _OF_MOVEMENT * np.nanstd(comparison.recorded[effect.channel][fitted]))
+    if not is_like:
         return effect
     also = ", as parameters of the simulation that are a few per cent off would do, too."
     statement = effect.statement.removesuffix(".") + also
