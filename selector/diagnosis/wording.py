@@ -290,13 +290,12 @@ def _miscalibrated(found: Diagnosis) -> str:
     verdict = "No missing physics shows" if _wandering(found) else "No physics is missing"
     if _small(found):
         verdict = "No physics of a size that matters is missing"
+    if not parts:
+        own = "parameters" if model else "offset, gain or delay"
+        return f"{verdict}: the simulation's own {own} explain the difference."
     numbers = [f"{name} {quantity_words(one)}" for name, one in model[:_MOST_TOLD]]
     more = [f"{len(model) - _MOST_TOLD} more"] if len(model) > _MOST_TOLD else []
-    own = listed([*numbers, *more])
-    if not parts:
-        explains = f"{own} explains" if model else "the simulation's own offset, gain or delay explain"
-        return f"{verdict}: {explains} the difference."
-    of_model = f"with {own}, " if model else ""
+    of_model = f"with {listed([*numbers, *more])}, " if model else ""
     unseen = held_out_words(found.comparison)
     return f"{verdict}; the simulation is out of calibration: {of_model}{'; '.join(parts)} on {unseen}."
 

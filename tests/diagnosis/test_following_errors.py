@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from selector.diagnosis.matching.following_errors import with_following_errors
-from selector.recording import Channel
+from selector.diagnosis.open_model.refitting import simulated_rows
+from selector.recording import Channel, Recording
 from tests.diagnosis.effects.drive_axis import PAIRS, compared
 
 
@@ -61,3 +63,13 @@ def test_a_position_stays_one(axis, kind):
     found = with_following_errors(declared(axis, "x", values))
     assert found.channel("x").role == "position"
     assert not found.findings
+
+
+def test_a_model_that_is_run_again_is_compared_in_the_same_unit(axis):
+    runs = {
+        run: pd.DataFrame({"E": 1e-6 * axis.simulated["E"][rows]}, index=axis.time_s[rows])
+        for run, rows in axis.rows_of_runs()
+    }
+    simulation = Recording.from_runs(runs, [Channel("E", "position", "m", axis="X")])
+    found = simulated_rows(replace(axis, responses=("E",)), simulation)
+    np.testing.assert_allclose(found["E"], axis.simulated["E"], rtol=1e-12)

@@ -20,6 +20,7 @@ from selector.findings import Finding
 from selector.physics.model_fields import Parameter
 from selector.recording import Recording
 from selector.types import Matrix, Vector
+from selector.units import convert
 
 FARTHEST = 3.0  #: Standard deviations of the nameplate that a parameter may go.
 STEP = 0.1  #: Step of a finite difference, in standard deviations of the nameplate.
@@ -108,13 +109,14 @@ class RefitProblem:
 
 
 def simulated_rows(comparison: Comparison, simulation: Recording) -> dict[str, Vector]:
-    """Responses of a simulation that has the recordings' times, at the rows of a comparison, which may be fewer."""
+    """Responses of a simulation with the recordings' times, at the rows and in the units of a comparison."""
     names = list(comparison.responses)
     rows = np.concatenate([
         simulation.values(run, names)[np.searchsorted(simulation.time_s(run), comparison.time_s[part])]
         for run, part in comparison.rows_of_runs()
     ])  # fmt: skip
-    return {name: np.ascontiguousarray(rows[:, k], dtype=np.float64) for k, name in enumerate(names)}
+    units = [(simulation.channel(name).unit, comparison.channel(name).unit) for name in names]
+    return {name: convert(np.ascontiguousarray(rows[:, k]), *units[k]) for k, name in enumerate(names)}
 
 
 def noise_of(fit: RefitProblem, slopes: "_Slopes", *, repeated: bool = False) -> dict[str, NoiseModel]:

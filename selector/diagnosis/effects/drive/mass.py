@@ -10,15 +10,18 @@ from selector.diagnosis.effects.drive._forces import is_force, motion_of, of_for
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
 from selector.diagnosis.shapes.force_response import responds
 
+_MOST_STARTS = 8  #: Runs from which on the inertia may be another one; of more runs every second, third, …
+
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     inertia = motion_of(comparison, response).acceleration_m_per_s2
     yield from of_forces(comparison, response, {"force of inertia": inertia})
-    for k, run in enumerate(comparison.runs[1:], 1):
+    for k in range(1, len(comparison.runs), -(-len(comparison.runs) // _MOST_STARTS)):
         # a workpiece that was put on the table
         later = np.where(comparison.run_index >= k, inertia, 0.0)
-        for variant in of_forces(comparison, response, {"force of inertia": later}):
-            yield replace(variant, regime=f"from run {run} on", looked_at=float(len(comparison.runs)))
+        if later[~comparison.held_out].any():
+            for variant in of_forces(comparison, response, {"force of inertia": later}):
+                yield replace(variant, regime=f"from run {comparison.runs[k]} on", looked_at=float(_MOST_STARTS))
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

@@ -59,11 +59,8 @@ def _shapes(
     role = comparison.channel(response).role
     if kind == 1.0:
         excess = np.sign(course) * np.maximum(np.abs(course) - level, 0.0)
-        yield (
-            (excess, "speed that lacks")
-            if role == "velocity"
-            else (drawn_out(comparison, response, excess), "way that lacks")
-        )
+        is_speed = role == "velocity"
+        yield excess if is_speed else drawn_out(comparison, response, excess), "motion that lacks"
     elif loop is None:
         if role in FORCE_ROLES:
             yield np.clip(course, -level, level) - course, "force that lacks"
