@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
@@ -116,10 +117,12 @@ class SimulationKind(ABC):
     why_folder: ClassVar[str] = ""  #: Why several runs of its own are several files
     options: ClassVar[tuple[Option, ...]] = ()
     column_section: ClassVar[str] = ""  #: What stands before the keys of columns in the file
+    family_module: ClassVar[str] = ""  #: Module with the `FAMILY` of its model files
 
-    @abstractmethod
     def family(self) -> ModelFamily[Any]:
         """How its model files are read."""
+        family: ModelFamily[Any] = import_module(self.family_module).FAMILY
+        return family
 
     def read(self, path: Path) -> Any:
         """The content of a model file."""

@@ -11,7 +11,6 @@ from selector.physics.simulation_kind import Columns, Option, Progress, RunSetti
 
 if TYPE_CHECKING:
     from selector.findings import Finding
-    from selector.physics.model_text import ModelFamily
     from selector.recording import Recording
 
 
@@ -20,6 +19,7 @@ class DriveKind(SimulationKind):
 
     name = "drive"
     file_kinds = ("drive",)
+    family_module = "selector.physics.drive.file.model_file"
     about = """Simulates how the axes of a feed drive follow their command, and writes a recording of it.
 
     Beside RUN.csv stands RUN.machine.toml, for --machine of the other commands. With --inputs the axes follow recorded
@@ -33,12 +33,6 @@ class DriveKind(SimulationKind):
     options = (
         Option("open_loop", bool, "", "With --inputs: the recorded output of the control acts, not the model's."),
     )
-
-    def family(self) -> ModelFamily[Any]:
-        """How its model files are read."""
-        from selector.physics.drive.file.model_file import FAMILY
-
-        return FAMILY
 
     def model(self, file: Any, columns: Columns) -> Any:
         """The axes."""

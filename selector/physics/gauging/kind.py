@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from selector.physics.simulation_kind import Columns, Progress, RunSettings, Simulated, SimulationKind
 
 if TYPE_CHECKING:
-    from selector.physics.model_text import ModelFamily
     from selector.recording import Recording
 
 
@@ -17,6 +16,7 @@ class GaugingKind(SimulationKind):
 
     name = "gauging"
     file_kinds = ("gauging",)
+    family_module = "selector.physics.gauging.model_file"
     about = """Simulates how a gauge stops grinding when the part is to size, and writes a recording of it.
 
     Told are the thresholds, the distribution of finished sizes by formula and by Monte Carlo, the capability, which
@@ -30,12 +30,6 @@ class GaugingKind(SimulationKind):
     out_help = "Recording to write; with --inputs and of several parts a folder."
     seed_help = "Of noise and spread. Default: that of the model file."
     why_folder = "every part that is ground is a run of its own"
-
-    def family(self) -> ModelFamily[Any]:
-        """How its model files are read."""
-        from selector.physics.gauging.model_file import FAMILY
-
-        return FAMILY
 
     def model(self, file: Any, columns: Columns) -> Any:
         """The gauge and its grinding."""

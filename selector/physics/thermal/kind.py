@@ -11,7 +11,6 @@ from selector.physics.simulation_kind import Columns, DutyCycle, Option, RunSett
 
 if TYPE_CHECKING:
     from selector.findings import Finding
-    from selector.physics.model_text import ModelFamily
     from selector.recording import Recording
 
 
@@ -20,6 +19,7 @@ class ThermalKind(SimulationKind):
 
     name = "thermal"
     file_kinds = ("network", "modes", "field", "mesh")
+    family_module = "selector.physics.thermal.model_file"
     about = """Simulates how a machine warms and moves, and writes a recording of it.
 
     Beside RUN.csv stands RUN.machine.toml, for --machine of the other commands. With --inputs the model is driven by
@@ -44,12 +44,6 @@ class ThermalKind(SimulationKind):
         ),
     )
     column_section = "conditions."
-
-    def family(self) -> ModelFamily[Any]:
-        """How its model files are read."""
-        from selector.physics.thermal.model_file import FAMILY
-
-        return FAMILY
 
     def model(self, file: Any, columns: Columns) -> Any:
         """The machine."""

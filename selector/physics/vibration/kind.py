@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from selector.physics.simulation_kind import Columns, Progress, RunSettings, Simulated, SimulationKind
 
 if TYPE_CHECKING:
-    from selector.physics.model_text import ModelFamily
     from selector.recording import Recording
 
 
@@ -17,6 +16,7 @@ class VibrationKind(SimulationKind):
 
     name = "vibration"
     file_kinds = ("vibration",)
+    family_module = "selector.physics.vibration.model_file"
     about = """Simulates how sources outside of the cut shake tool and workpiece, and writes a recording of it.
 
     Told are the modes of the structure, where each line of the sources goes, the periodic errors that it leaves on the
@@ -27,12 +27,6 @@ class VibrationKind(SimulationKind):
     model_help = "Model file of members, joints and sources of vibration."
     report_help = "Also write a page: what the part keeps and where it comes from, modes, response, chains."
     seed_help = "Of phases and noise. Default: that of the model file; with --inputs its phases, and no noise."
-
-    def family(self) -> ModelFamily[Any]:
-        """How its model files are read."""
-        from selector.physics.vibration.model_file import FAMILY
-
-        return FAMILY
 
     def model(self, file: Any, columns: Columns) -> Any:
         """The structure and its sources."""
