@@ -50,9 +50,16 @@ from selector.diagnosis.evidence.naming import (
 )
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, is_slow_in_one_run, numbers, search
+from selector.diagnosis.evidence.search import (
+    MOST_OF_IT,
+    TENTH,
+    Search,
+    is_slow_in_one_run,
+    numbers,
+    search,
+    unseen_rms,
+)
 from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
-from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record, told_of_wandering, unexplained
 from selector.diagnosis.mismatch.switching import Switched, gain_beside, places, switched, told_of_switches
@@ -323,12 +330,6 @@ def _looked_at_what_is_left(state: _State) -> _State:
     return replace(state, late=late, residuals=residuals, white=white, structures=structures, small=frozenset(small))
 
 
-def _as_unlike(comparison: Comparison, bench: Bench) -> Structure:
-    left = bench.residual([])
-    size = rms(left[np.isfinite(left) & ~bench.fitted])
-    return of_whole_record("unlike", comparison, bench.response, size, 0.0)
-
-
 def _named(state: _State) -> _State:
     """What the rows that were not fitted bear out, and faults that stand in them alone."""
     told = [confirmed(state.comparison, state.search, id_) for id_ in state.search.named]
@@ -458,8 +459,9 @@ def _judged(state: _State) -> _State:
         # beside what is no name after all an offset may have come out anywhere
         state = _recalibrated(replace(state, search=found))
     if not effects and not state.structures:
-        unlike = (bench for name, bench in found.benches.items() if contradicted(bench, state.again[name]))
-        said = (*state.refuted, *(_as_unlike(state.comparison, bench) for bench in unlike))
+        unlike = (name for name, bench in found.benches.items() if contradicted(bench, state.again[name]))
+        off = {name: unseen_rms(found.benches[name], []) for name in unlike}
+        said = (*state.refuted, *(of_whole_record("unlike", state.comparison, name, off[name], 0.0) for name in off))
         of_size = [one for one in said if not is_small(state.comparison, found, one.channel, one.size)]
         state = replace(state, structures=of_size)
     gains = any(

@@ -209,3 +209,13 @@ def test_unseen_rows_that_are_ten_times_as_far_off_contradict_the_fitted_ones(of
     again = recalibrated(bench, [], noise[bench.fitted], "um", seed=0)
     assert again.p_value > 0.01
     assert contradicted(bench, again) == is_told
+
+
+def test_a_frozen_reading_is_one_although_another_one_stands_in_the_unseen_run():
+    made = comparison({"Z": 0.05 * np.random.default_rng(4).standard_normal(N)}, resolution=0.1)
+    recorded = made.recorded["Z"].copy()
+    for first, last in ((750, 880), (1390, 1600)):
+        recorded[first:last] = recorded[first]
+    (effect,) = diagnosis(replace(made, recorded=made.recorded | {"Z": recorded})).effects
+    assert effect.id == "data.stuck"
+    assert effect.confidence > 0.9

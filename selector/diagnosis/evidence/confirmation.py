@@ -79,13 +79,14 @@ def confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     """The named effect; suspected only, where it ought to show on held-out rows and gains nothing there.
 
     What acts there has to make the error itself smaller, as the filter may make much of what is quick; what takes a
-    quarter of its square is borne out, of whatever size.
+    quarter of its square is borne out, of whatever size. A frozen reading is proved by its equal readings.
     """
     effect, told = named_effect(comparison, found, id_), confirmation(comparison, found, id_)
     left = left_unseen(effect, found)
     falls_short = told.gain < _PART * told.energy
     is_lost = effect.acts is None and left >= 1.0 and (effect.share < LEAST or falls_short)
-    return doubted(effect) if is_lost or (told.refutes and left > _BORNE_OUT) else effect
+    is_refuted = is_lost or (told.refutes and left > _BORNE_OUT)
+    return doubted(effect) if is_refuted and id_ != "data.stuck" else effect
 
 
 def doubted(effect: NamedEffect) -> NamedEffect:

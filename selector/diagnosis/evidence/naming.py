@@ -18,6 +18,7 @@ from selector.diagnosis.finding_table import FINDINGS, SMALL_MISFIT
 from selector.diagnosis.matching.runs import pure_error, rms
 from selector.diagnosis.shapes.axis import FORCE_ROLES, motion, simulated_forces
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, passed
+from selector.diagnosis.shapes.heating import sources
 from selector.diagnosis.shapes.input_faults import InputFault
 from selector.diagnosis.shapes.residual import read_by
 from selector.diagnosis.shapes.signals import rise
@@ -130,7 +131,8 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     p_value = 1.0 / (1 + len(found.carried[id_][1])) if id_ in found.carried else standing.p_value
     confidence = sum(found.weights[id_].values()) * (1.0 - p_value)
     share = float(np.clip(max(share for _, share in told.values()), 0.0, 1.0))
-    gap = found.closed.get(id_)
+    # a frozen reading is proved by its equal readings
+    gap = found.closed.get(id_) if id_ != "data.stuck" else None
     if is_structured(found, main):
         carried = 0.0 if gap is None or gap.low is None else float(np.clip(gap.low, 0.0, 1.0))
         carried *= _is_more_than_left(found, main, told[main][1])
@@ -160,7 +162,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         confidence=float(np.clip(confidence, 0.01, 0.99)) * (1.0 if is_checked else _UNCHECKED),
         p_value=float(min(1.0, p_value)),
         share=share,
-        cannot_be_told_from=tuple(dict.fromkeys((*found.rivals[id_], *_at_one_speed(comparison, found, main, id_)))),
+        cannot_be_told_from=tuple(dict.fromkeys((*found.rivals[id_], *_twins(comparison, found, main, id_, fitted)))),
         experiment=effect.experiment,
         channels=tuple(
             name for name in sorted(gains, key=lambda one: -gains[one]) if name == main or gains[name] > _SHOWN
@@ -173,8 +175,19 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     )
 
 
-def _at_one_speed(comparison: Comparison, found: Search, response: str, id_: str) -> tuple[str, ...]:
-    """What repeats along the way of an axis that goes at one speed, for a line in time; a line, for what repeats so."""
+_OF_A_SWITCH = {"thermal.coolant": "thermal.second_source", "thermal.second_source": "thermal.coolant"}
+
+
+def _twins(comparison: Comparison, found: Search, response: str, id_: str, fitted: Fitted) -> tuple[str, ...]:
+    """What no record of such channels, or of one speed, tells from an effect.
+
+    What repeats along the way of an axis that goes at one speed, for a line in time; a line, for what repeats so.
+    Another source of heat for coolant, and the other way round, where nobody says what the switch is of.
+    """
+    if id_ in _OF_A_SWITCH:
+        known = sources(comparison, response)
+        is_said = known.is_coolant_said or set(fitted.variant.sources).isdisjoint(known.coolant_switches)
+        return () if is_said else (_OF_A_SWITCH[id_],)
     channel = comparison.channel(response)
     along = "drive.pitch_error" if channel.role in PLACE_ROLES else "drive.ripple"
     twin = {"vibration.line": along, along: "vibration.line" if "vibration.line" in found.standing else None}.get(id_)

@@ -19,7 +19,7 @@ _WARMED = ("displacement", "temperature")
 _HALL = r"\bhall\b|\broom\b|ambient|\bair\b|environment|raum|umgebung|luft|цех|воздух|окруж|环境|室温|车间"
 _COOLANT = r"cool|chill|emulsion|\bkss\b|flood|\bjets?\b|kühl|охлажд|сож|冷却|切削液"
 _SOURCE = (
-    r"hydr|\btank|feed|axis|servo|motor|gear|drive|\bfan\b|compress|lamp|light|chip|convey|clamp|door|cabinet|electr|"
+    r"hyd|\btank|feed|axis|servo|motor|gear|drive|\bfan\b|compress|lamp|light|chip|convey|clamp|door|cabinet|electr|"
     r"supply|\bbed\b|heat(er|ing|ed)|nozzle|heiz|getriebe|antrieb|гидро|двигат|привод|бак|液压|电机|油箱"
 )
 _HALF = 0.5

@@ -78,7 +78,8 @@ _UNSTEADY = 0.2
 _BESIDE = 0.03
 _UNLIKELY = 0.01  #: Chance that a true line is not taken for one because of noise, in one of the looks at its shape.
 _STRAY = 3.0  #: Robust standard deviations of a reading that says no more than a smaller one.
-#: Of a run that nothing may be fitted to only this first part tells its phase, as it would an initial state.
+#: Of a run that nothing may be fitted to only this part of the square of a line, the first one, tells its phase, as it
+#: would an initial state.
 _FIRST_PART = 0.2
 
 
@@ -187,7 +188,7 @@ def aligned(comparison: Comparison, left: Vector, cosine: Vector, sine: Vector, 
         if line.phases[k] is None:
             continue
         is_fitted = parts[k].start < parts[k].stop
-        part = parts[k] if is_fitted else _first_part(rows)
+        part = parts[k] if is_fitted else _first_part(rows, np.hypot(cosine, sine))
         columns = np.column_stack([filtered(course[part], noise) for course in (cosine, sine)])
         white = filtered(left[part], noise)
         a, b = least_squares(columns, white)
@@ -262,12 +263,14 @@ def _line(of: _Looked, runs: tuple[int, ...], cycles: float, strength: float, *,
     for k, (_, rows) in enumerate(of.comparison.rows_of_runs()):
         is_unfitted = of.parts[k].start == of.parts[k].stop and len(runs) == sum(p.start < p.stop for p in of.parts)
         if k in runs or is_unfitted:
-            phases[k] = of.phase(of.parts[k] if k in runs else _first_part(rows), cycles)
+            phases[k] = of.phase(of.parts[k] if k in runs else _first_part(rows, of.weight), cycles)
     return Line(cycles, tuple(phases), strength)
 
 
-def _first_part(rows: slice) -> slice:
-    return slice(rows.start, rows.start + max(int(_FIRST_PART * (rows.stop - rows.start)), 1))
+def _first_part(rows: slice, weight: Vector) -> slice:
+    """The first part of a run: slow speeds, and those far below a resonance, hardly show the phase of what turns."""
+    past = np.cumsum(weight[rows] ** 2)
+    return slice(rows.start, rows.start + max(int(np.searchsorted(past, _FIRST_PART * past[-1], side="right")), 1))
 
 
 def _sharp(grid: Vector, strength: Vector, top: int, span: float, n_runs: int) -> bool:

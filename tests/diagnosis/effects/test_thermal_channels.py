@@ -13,6 +13,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.shapes.heating import cooled, follows_sensors, heats, lacking, rise_parts, sources, spindle_law
 from selector.diagnosis.shapes.signals import lagged
+from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 from selector.units import CANONICAL_UNITS
 from tests.diagnosis.effects.heated_machine import Physics, comparison_of, recorded, regression, simulation
@@ -269,3 +270,16 @@ def test_a_temperature_is_late_in_minutes_and_from_the_level_at_which_its_run_st
         size = np.linalg.lstsq(base[fitted], mismatch[fitted], rcond=None)[0]
         left.append(float(np.sqrt(np.mean((mismatch - base @ size)[~fitted] ** 2))))
     assert min(left) < 0.01 * float(np.std(mismatch[~fitted]))
+
+
+@pytest.mark.parametrize(("name", "place", "others"), [("S1", None, 1), ("S1", "coolant", 0)])
+def test_a_switch_of_which_nobody_says_what_it_is_of_may_be_coolant_or_heat(name, place, others):
+    plain = three_runs({"Z": 0.3 * np.random.default_rng(3).standard_normal(1800)})
+    on = np.tile(np.repeat([0.0, 1.0, 0.0, 1.0], [100, 150, 200, 150]), 3)
+    recorded = plain.recorded | {name: on, "Z": plain.recorded["Z"] - 4.0 * lagged(plain, on, 1500.0)}
+    channels = (*plain.channels, Channel(name, "state", "1", place))
+    answer = diagnosis(replace(plain, channels=channels, recorded=recorded))
+    (effect,) = answer.effects
+    both = {effect.id, *effect.cannot_be_told_from} & {"thermal.coolant", "thermal.second_source"}
+    assert len(both) == 1 + others
+    assert ("coolant runs" in effect.statement) is not bool(others)

@@ -14,7 +14,9 @@ from selector.diagnosis.effects.vibration.line import EFFECT as LINE
 from selector.diagnosis.effects.vibration.mode import EFFECT as MODE
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonances_of, resonator
 from selector.diagnosis.shapes.signals import rate
+from selector.diagnosis.shapes.spectral_lines import Line, aligned
 from tests.diagnosis.effects.concealed_truths import F1, Z1, comparison_of, structure
+from tests.diagnosis.made import comparison
 
 
 def _shaken_and_turning(gain: float, imbalance: float) -> Comparison:
@@ -158,3 +160,13 @@ def test_a_sharp_resonance_that_dominates_is_met_by_least_squares() -> None:
         left = min(left, float(np.std(rest) / np.std(ringing[rows])))
     # of what was scanned alone 0.1 or more is left
     assert left < 0.03
+
+
+def test_an_unseen_run_up_shows_its_phase_where_it_is_fast_enough():
+    made = comparison({"Z": 0.05 * np.random.default_rng(2).standard_normal(1800)})
+    size = np.where(np.arange(1800) % 600 < 300, 0.0, 1.0)
+    turn = 0.9 * np.arange(1800) + np.repeat([0.0, 1.0, 2.5], 600)
+    cosine, sine = size * np.cos(0.9 * np.arange(1800)), size * np.sin(0.9 * np.arange(1800))
+    left = made.difference("Z") + size * np.cos(turn)
+    found, _ = aligned(made, left, cosine, sine, Line(1.0, (0.0, 0.0, 0.0), 0.0))
+    assert np.corrcoef(found[1500:], np.cos(turn)[1500:])[0, 1] > 0.99

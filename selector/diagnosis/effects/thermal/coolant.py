@@ -80,9 +80,11 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    name = fitted.variant.sources[0]
-    when = "moves while the coolant runs" if fitted.variant.regime else "follows the coolant's temperature"
-    return told(fitted, f"{fitted.response} {when} ({with_place(comparison, name)}) {delay_of(fitted)}")
+    what = with_place(comparison, fitted.variant.sources[0])
+    is_said = sources(comparison, fitted.response).is_coolant_said
+    on = f"moves while {f'the coolant runs ({what})' if is_said else f'{what} is on'}"
+    when = on if fitted.variant.regime else f"follows the coolant's temperature ({what})"
+    return told(fitted, f"{fitted.response} {when} {delay_of(fitted)}")
 
 
 EFFECT = Effect(**words_of("thermal.coolant"), variants=_variants, testable=_testable, reading=_reading)
