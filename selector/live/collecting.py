@@ -63,6 +63,7 @@ class Collection:
 
     async def run(self, cycles: int | None = None) -> dict[str, Any]:
         """Until it is stopped, files have ended, or so many periods are done."""
+        lock = self._journal.locked()
         self._journal.tell("started", machine=self._io.machine, period_s=self._io.period_s)
         self._lake.close_days()
         today = int(self._clock.wall() // 86400)
@@ -84,6 +85,7 @@ class Collection:
             for link in self._links.values():
                 await link.close()
             self._journal.tell("stopped", rows=self._rows, filled=self._filled)
+            lock.close()
         return {
             "schema": "selector.collection/1",
             "machine": self._io.machine,
@@ -108,9 +110,8 @@ class Collection:
             heard_s = self._heard_s[name]
             if heard_s is not None and 1.5 * period_s < wall_s - heard_s:
                 since_s = max(heard_s, wall_s - LONGEST_GAP_S)
-                task = asyncio.create_task(
-                    self._fill(name, since_s, time_s, wall_s - self._readings.server_s(name, wall_s))
-                )
+                ahead_s = wall_s - self._readings.server_s(name, wall_s)
+                task = asyncio.create_task(self._fill(name, since_s, time_s, ahead_s))
                 self._filling.add(task)
                 task.add_done_callback(self._filling.discard)
             self._heard_s[name] = wall_s

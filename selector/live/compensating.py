@@ -39,12 +39,8 @@ class Readings:
         self.answered: list[str] = []  #: Connections that answered in the last period
         self._server_s: dict[str, float] = {}
 
-    async def now(self) -> dict[str, float]:
-        """Channel → value, NaN where there is none."""
-        return {name: value for name, (value, _) in (await self.samples()).items()}
-
     async def samples(self) -> dict[str, tuple[float, float | None]]:
-        """Channel → value and source time [s since 1970], if the server tells one."""
+        """Channel → value (NaN: none) and source time [s since 1970], if the server tells one."""
         answers = dict(zip(self._addresses, await asyncio.gather(*map(self._read, self._addresses)), strict=True))
         self.answered = [name for name, answer in answers.items() if answer is not None]
         now_s = self._clock.monotonic()
@@ -162,6 +158,7 @@ class Compensation:
 
     async def run(self, cycles: int | None = None) -> dict[str, Any]:
         """Until it is stopped, files that are read have ended, or so many steps are done; then to zero. The status."""
+        lock = self.journal.locked()
         self.journal.tell("started", machine=self._io.machine, period_s=self._io.period_s)
         next_s = status_s = self._clock.monotonic()
         end = cycles or math.inf
@@ -182,6 +179,7 @@ class Compensation:
                 await link.close()
             self.journal.tell("stopped", **self._counts)
             self._keep()
+            lock.close()
         return self.status()
 
     async def step(self) -> Corrected:
@@ -190,7 +188,7 @@ class Compensation:
         dt_s = 0.0 if self._last_s is None else now_s - self._last_s
         self._last_s = now_s
         self._look_at_clock(now_s)
-        values = await self._readings.now()
+        values = {name: value for name, (value, _) in (await self._readings.samples()).items()}
         control = self._io.control
         reasons = self._not_ready(values, now_s)
         self._say_change("ready", not reasons, because=", ".join(reasons))

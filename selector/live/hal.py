@@ -12,12 +12,6 @@ _TRUTHS = {"TRUE": 1.0, "FALSE": 0.0}
 class HalLink(Link):
     """The HAL of this computer. A pin that is linked to a signal is written through its signal."""
 
-    async def open(self) -> None:
-        """See `Link`."""
-
-    async def close(self) -> None:
-        """See `Link`; nothing is held."""
-
     async def read(self, addresses: Iterable[str]) -> dict[str, Sample]:
         """See `Link`."""
         names = list(addresses)

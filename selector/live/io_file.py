@@ -232,9 +232,8 @@ def _fits(said: IoFile, model: ModelFile, where: str) -> None:
 
 def _known(name: str, names: Mapping[str, Any], where: str, what: str) -> None:
     if name not in names:
-        raise _unusable(
-            f"{name!r}, but no {what} among {', '.join(list(names)[:20]) or 'none'}", where, "add it, or correct it"
-        )
+        among = ", ".join(list(names)[:20]) or "none"
+        raise _unusable(f"{name!r}, but no {what} among {among}", where, "add it, or correct it")
 
 
 def _unusable(found: str, where: str, advice: str) -> StudyError:

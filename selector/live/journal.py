@@ -1,6 +1,7 @@
 """What a process beside the control leaves for people and monitors: journal, metrics, one page, what it keeps."""
 
 import json
+import sqlite3
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from html import escape
@@ -10,6 +11,7 @@ from typing import Any
 from selector.atomic_file import write_whole
 from selector.controllers.guard.decided import mode_words
 from selector.controllers.model_file import ModelFile
+from selector.errors import OptionError
 from selector.json_text import json_text
 from selector.live.links import Clock
 from selector.number_text import number_text
@@ -41,6 +43,22 @@ class Journal:
                 file.write(line)
         except OSError:
             return
+
+    def locked(self) -> sqlite3.Connection:
+        """The folder for this process alone until it closes this, or dies. Raises OptionError: another one has it."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        lock = sqlite3.connect(self.folder / ".lock", timeout=0.0, isolation_level=None)
+        try:
+            lock.execute("BEGIN EXCLUSIVE")
+            return lock
+        except sqlite3.OperationalError as error:
+            lock.close()
+            raise OptionError(
+                f"another process of selector that is at work there ({error})",
+                expected="a folder for this one alone: each would overwrite what the other keeps",
+                where=str(self.folder),
+                advice="end the other one (its journal.jsonl says since when it runs), or give another --out",
+            ) from error
 
     def _numbered(self, k: int) -> Path:
         return self._path if k == 0 else self._path.with_name(f"journal.{k}.jsonl")

@@ -38,9 +38,7 @@ def number_in(value: Any) -> float:
     >>> number_in("21.5"), number_in(True), number_in([1]), number_in(1e300)
     (21.5, 1.0, nan, nan)
     """
-    if isinstance(value, str) and (len(value) > 64 or "_" in value):
-        return math.nan
-    if not isinstance(value, bool | int | float | str):
+    if not isinstance(value, int | float | str) or (isinstance(value, str) and (len(value) > 64 or "_" in value)):
         return math.nan
     try:
         number = float(value)
@@ -49,32 +47,19 @@ def number_in(value: Any) -> float:
     return number if abs(number) < LARGEST else math.nan
 
 
-class Clock(Protocol):
-    """Time as the loop sees it."""
-
-    def monotonic(self) -> float:
-        """Seconds that nobody puts back."""
-
-    def wall(self) -> float:
-        """Seconds since 1970, which somebody may put."""
-
-    async def sleep_until(self, moment_s: float) -> None:
-        """Until `monotonic` is that."""
-
-
 class RealClock:
     """The clock of this computer."""
 
     def monotonic(self) -> float:
-        """See `Clock`."""
+        """Seconds that nobody puts back."""
         return time.monotonic()
 
     def wall(self) -> float:
-        """See `Clock`."""
+        """Seconds since 1970, which somebody may put."""
         return time.time()
 
     async def sleep_until(self, moment_s: float) -> None:
-        """See `Clock`."""
+        """Until `monotonic` is that."""
         await asyncio.sleep(max(0.0, moment_s - time.monotonic()))
 
 
@@ -85,17 +70,20 @@ class FastClock:
         self._now_s, self.begun_s = 0.0, begun_s
 
     def monotonic(self) -> float:
-        """See `Clock`."""
+        """See `RealClock`."""
         return self._now_s
 
     def wall(self) -> float:
-        """See `Clock`."""
+        """See `RealClock`."""
         return self.begun_s + self._now_s
 
     async def sleep_until(self, moment_s: float) -> None:
-        """See `Clock`."""
+        """See `RealClock`."""
         self._now_s = max(self._now_s, moment_s)
         await asyncio.sleep(0)
+
+
+Clock = RealClock | FastClock  #: Time as the loop sees it.
 
 
 class Link(Protocol):
@@ -103,6 +91,7 @@ class Link(Protocol):
 
     async def open(self) -> None:
         """Connect; what the server says of its types is looked at here."""
+        return
 
     async def read(self, addresses: Iterable[str]) -> dict[str, Sample]:
         """What stands at these addresses now; what the server does not have is left away."""
@@ -116,6 +105,7 @@ class Link(Protocol):
 
     async def close(self) -> None:
         """Let go."""
+        return
 
 
 class LostError(Exception):

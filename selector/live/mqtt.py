@@ -66,9 +66,8 @@ class MqttLink(Link):
             if not topics & self._awaited:
                 break
             self._news.clear()
-            await asyncio.wait(
-                {self._listening, news := asyncio.create_task(self._news.wait())}, return_when="FIRST_COMPLETED"
-            )
+            news = asyncio.create_task(self._news.wait())
+            await asyncio.wait({self._listening, news}, return_when="FIRST_COMPLETED")
             news.cancel()
         now_s = self._clock.monotonic()
         found = {}

@@ -26,9 +26,6 @@ class MTConnectLink(Link):
         """See `Link`."""
         await self._answer("current")
 
-    async def close(self) -> None:
-        """See `Link`; there is nothing to let go."""
-
     async def read(self, addresses: Iterable[str]) -> dict[str, Sample]:
         """See `Link`."""
         header, observations = await self._answer("current")

@@ -112,9 +112,8 @@ class OpcUaLink:
             kind = self._types[name]
             given.append(ua.DataValue(ua.Variant(value if kind in _REALS else int(value), kind)))
         ids = [ua.NodeId.from_string(name) for name in values]
-        for name, code in zip(
-            values, await self._connected().uaclient.write_attributes(ids, given, ua.AttributeIds.Value), strict=True
-        ):
+        codes = await self._connected().uaclient.write_attributes(ids, given, ua.AttributeIds.Value)
+        for name, code in zip(values, codes, strict=True):
             if not code.is_good():
                 raise PermissionError(f"{name} was refused: {code.name}")
 

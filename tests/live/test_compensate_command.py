@@ -7,6 +7,8 @@ import csv
 import json
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -70,12 +72,46 @@ def test_a_recorded_day(folder, capsys):
     assert 0.0 < -arrived[-2][1] <= 0.5e-3 + 1e-12
     assert status["rows_out"] == status["rows_confirmed"] == len(arrived)
     assert {path.name for path in (folder / "out").iterdir()} == {
-        "journal.jsonl", "kept.json", "metrics.prom", "status.html", "status.json",
+        ".lock", "journal.jsonl", "kept.json", "metrics.prom", "status.html", "status.json",
     }  # fmt: skip
     page = (folder / "out" / "status.html").read_text("utf-8")
     for words in ("not a safety function", "<th>correction<td>Z 0 µm", "<th>follows<td>switched off", "all are well"):
         assert words in page
     assert f"selector_live_cycles {len(arrived)}.0" in (folder / "out" / "metrics.prom").read_text("utf-8")
+
+
+HOLDING = """
+import sys, time
+from pathlib import Path
+from selector.live.journal import Journal
+from selector.live.links import FastClock
+lock = Journal(Path(sys.argv[1]), FastClock()).locked()
+print("locked", flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize("name", ["compensate", "collect"])
+def test_a_folder_is_for_one_process_until_that_dies(folder, capsys, name):
+    place = folder / "out" if name == "compensate" else folder / "out" / "machine=machine" / "journal"
+    (folder / "given.csv").write_text("time_s,Z\n", "utf-8")
+
+    def ask():
+        if name == "compensate":
+            return command(folder, "--fast")
+        return exit_status(["collect", str(folder / "io.toml"), "--out", str(folder / "out"), "--cycles", "1"])
+
+    with subprocess.Popen([sys.executable, "-c", HOLDING, str(place)], stdout=subprocess.PIPE) as other:
+        try:
+            assert other.stdout.readline() == b"locked\n"
+            assert ask() == 2
+            said = capsys.readouterr().err
+        finally:
+            other.kill()
+    assert "another process" in said
+    assert str(place) in said
+    assert not (place / "journal.jsonl").exists()
+    assert ask() == 0
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Ctrl-C ends at once elsewhere")
