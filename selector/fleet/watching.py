@@ -38,6 +38,8 @@ FEWEST_KNOWN = 3  #: Fewer errors on unseen runs than these tell nothing of thei
 SLACK = 0.5  #: Half of the change that is found soonest, in standard deviations from run to run.
 #: One run alone is never an alarm, however wild it is: a chip under the probe is no change of the machine.
 LARGEST_DEVIATE = 4.0
+#: Two runs in a row beyond this deviate tell of a machine that has changed: they are no measure of each other.
+WILD = 3.5
 #: Among so many runs, the rank of a value counts as much as Student's t: fewer have no tails to rank in.
 RANKED_FROM_RUNS = 30.0
 #: A correlation from run to run that these few runs have is half believed, and less by this part of its standard error.
@@ -76,20 +78,22 @@ def deviates(values: Array) -> Array:
 
     Two deviates are weighed: Student's t of the value, which needs few runs but normal ones, and its rank, which holds
     for any distribution (McDonald 1990) but cannot say how far beyond all others it is. A value that equals others that
-    are all alike is 0.
+    are all alike is 0. Wild values that follow one another are judged by what was before the first of them.
     """
-    ratios, mean, squares = [], 0.0, 0.0
-    for n, value in enumerate(values.tolist()):
-        step = value - mean
-        if n >= 2:
-            spread = math.sqrt(squares / (n - 1) * (1.0 + 1.0 / n))
-            ratios.append(0.0 if step == 0.0 else step / spread if spread > 0.0 else math.copysign(math.inf, step))
-        mean += step / (n + 1)
-        squares += step * (value - mean)
-    ratio, before = np.array(ratios), np.arange(2, len(values))
+    values = values - values[0]
+    wildest = np.asarray(-t.ppf(norm.cdf(-WILD), np.arange(1, len(values))))
+    ratio, before, wild = np.zeros(len(values) - 2), np.arange(2, len(values)), 0
+    for i, value in enumerate(values[2:].tolist()):
+        for n in dict.fromkeys((i + 2 - wild, i + 2)):
+            step = value - float(values[:n].mean())
+            spread = math.sqrt(float(values[:n].var(ddof=1)) * (1.0 + 1.0 / n))
+            before[i], ratio[i] = n, step / spread if spread > 0.0 else math.copysign(math.inf, step) if step else 0.0
+            wild = i + 3 - n if abs(ratio[i]) > wildest[n - 2] else 0
+            if wild:
+                break
     # the smaller tail keeps its digits
     by_size = -np.sign(ratio) * norm.ppf(t.cdf(-np.abs(ratio), before - 1))
-    is_before = np.tri(len(values), k=-1, dtype=np.bool_)[2:]
+    is_before = np.arange(len(values)) < before[:, None]
     smaller = np.sum(is_before & (values < values[2:, None]), axis=1)
     not_larger = np.sum(is_before & (values <= values[2:, None]), axis=1)
     by_rank = norm.ppf((0.5 * (smaller + not_larger) + 0.5) / (before + 1.0))

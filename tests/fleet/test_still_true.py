@@ -89,6 +89,19 @@ def test_one_wild_run_is_no_alarm():
     assert 2.0 < chart.highest <= LARGEST_DEVIATE - 0.5
 
 
+@pytest.mark.parametrize("known", [6, 8, 20])
+def test_runs_that_are_wild_one_after_the_other_are_no_measure_of_each_other(known):
+    rng = np.random.default_rng(7)
+    sizes = rng.normal(0.0, 0.25, (100, known + 4))
+    sizes[:, known:] += np.log(50.0)
+    found = [charted(one[:known], one[known:], 9000.0, is_two_sided=False).alarm_at for one in sizes]
+    # when the second was judged among the first, as it was before, none of a hundred after six or eight
+    assert sum(at is not None for at in found) >= 90
+    # from one alone is learnt, as ever: the next such run is less of a surprise
+    first, _, second = deviates(np.r_[sizes[0, :known], 50.0, 0.0, 50.0])[-3:]
+    assert second < first - 0.2
+
+
 def test_values_that_are_all_alike():
     assert deviates(np.ones(5)) == pytest.approx(0.0)
     assert deviates(np.r_[np.ones(3), 0.9])[-1] < -0.8 * LARGEST_DEVIATE
