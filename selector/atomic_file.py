@@ -31,15 +31,21 @@ def write_whole(path: Path, content: bytes) -> None:
         finally:
             draft.unlink(missing_ok=True)
     except OSError as error:
-        is_full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         raise OptionError(
             f"the file cannot be written: {error.strerror or error}",
             expected="a path in a folder where you may write",
             where=str(path),
             advice="free some space, or write to another disk"
-            if is_full
+            if is_full(error)
             else "give another output path, or close the program that has the file open",
         ) from error
+
+
+def is_full(error: BaseException | None) -> bool:
+    """Whether a disk without room is behind an error."""
+    return error is not None and (
+        getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT) or is_full(error.__cause__)
+    )
 
 
 @contextmanager

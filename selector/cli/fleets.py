@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.option_table import argument, option
+from selector.cli.shared.option_table import argument, option, unusable_option
 from selector.cli.shared.progress import fleet_progress, progress_bar
 from selector.cli.shared.showing import AsJson
 from selector.cli.shared.simulation_files import require_page_place
-from selector.errors import CancelledError, OptionError
+from selector.errors import CancelledError
 
 if TYPE_CHECKING:
     from selector.fleet import Fleet
@@ -37,12 +37,8 @@ def run(
     from selector.telling.fleet import fleet_account
 
     if jobs is not None and dask is not None:
-        raise OptionError(
-            f"--jobs {jobs} beside --dask {dask}",
-            expected="processes of this computer, or a cluster",
-            where="command line",
-            advice="leave one of the two out",
-        )
+        expected = "processes of this computer, or a cluster"
+        raise unusable_option(f"--jobs {jobs} beside --dask {dask}", expected, "leave one of the two out")
     asked = read_fleet(fleet)
     require_writable_folder(asked.results, "results")
     workers = Cluster(dask) if dask is not None else Processes(min(jobs or os.cpu_count() or 1, len(asked.studies)))

@@ -82,9 +82,8 @@ def read_fleet(path: str | Path) -> Fleet:
     where = str(place)
     said = checked(FleetFile, study_sections(text, "[machines] and [select]", where), where, _PAGE)
     if is_url(said.results):
-        raise _unusable(
-            f"results = {said.results!r}", f"{where}, key results", "name a folder, which may be one of a server"
-        )
+        advice = "name a folder, which may be one of a server"
+        raise _unusable(f"results = {said.results!r}", f"{where}, key results", advice)
     # what is wrong for all is told before the start, what is wrong for one is told of that one
     options_of(Study(recordings=Recordings(runs=(".",)), select=said.select), where=where)
     studies: dict[str, Study] = {}

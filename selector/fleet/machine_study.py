@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler
 from threadpoolctl import threadpool_limits
 
 from selector import __version__
-from selector.atomic_file import write_whole
+from selector.atomic_file import is_full, write_whole
 from selector.controllers.from_selection import model_file_of
 from selector.controllers.model_file import write_model
 from selector.errors import CancelledError, InputError, ReadError, StudyError
@@ -65,6 +65,7 @@ class Answer(Document):
     refit: Refit | None = None  #: None, and not in the document: no new model was tried
     #: SHA-256 of a recording on which the model in use was compared → key of the other model, or its own where it won
     judged: dict[str, str] = Field(default_factory=dict)
+    is_unkept: bool = Field(default=False, exclude=True)  #: A disk was full: that is no fault of the machine
 
     @model_serializer(mode="wrap")
     def _without_refit(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -124,12 +125,13 @@ def answered(task: Task) -> Answer:
             )
         return _answered(task, start, key.append)
     except (InputError, CancelledError) as error:
-        said = str(error)
+        said, is_unkept = str(error), is_full(error)
     except MemoryError as error:
-        said = f"memory ran out ({error}): use fewer processes, or store the recordings as Parquet"
+        said, is_unkept = f"memory ran out ({error}): use fewer processes, or store the recordings as Parquet", False
     except Exception as error:
-        said = f"a defect of the program, not of the data: {type(error).__name__}: {error}"
-    return Answer(status="failed", error=said, key=key[0] if key else None, seconds=round(time.monotonic() - start, 3))
+        said, is_unkept = f"a defect of the program, not of the data: {type(error).__name__}: {error}", is_full(error)
+    seconds = round(time.monotonic() - start, 3)
+    return Answer(status="failed", error=said, key=key[0] if key else None, seconds=seconds, is_unkept=is_unkept)
 
 
 def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answer:

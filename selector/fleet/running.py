@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from selector.atomic_file import write_whole
-from selector.errors import InputError, ResultError
+from selector.errors import InputError, OptionError, ResultError
 from selector.fleet.fleet_file import Fleet
 from selector.fleet.machine_study import Answer, Document, Refit, Task, known_answer, overdue_words
 from selector.fleet.refitting import Challenge, anew_because, challenge_of, kept, settled, without_use
@@ -190,6 +190,8 @@ def _studied(fleet: Fleet, studies: Mapping[str, Study], workers: Workers) -> It
             workers.start(task)
         for name, answer in workers.finished(_LOOK_S):
             task, start = begun.pop(name)
+            if answer is not None and answer.is_unkept:
+                raise _unkept(fleet, f"no room on the disk for the answer of {name}")
             if answer is not None:
                 yield name, answer
             elif tries[name] < TRIES:
@@ -228,5 +230,18 @@ def shared_recordings(results: Path, answers: Mapping[str, Answer]) -> tuple[Sha
 def _write(fleet: Fleet, found: dict[str, Answer], shared: tuple[Shared, ...] = ()) -> FleetAnswer:
     order = dict.fromkeys((*fleet.studies, *found))
     answer = FleetAnswer.of({name: found[name] for name in order if name in found}, shared)
-    write_whole(fleet.results / RESULT_FILE, (json_text(answer.model_dump(by_alias=True)) + "\n").encode("utf-8"))
+    try:
+        write_whole(fleet.results / RESULT_FILE, (json_text(answer.model_dump(by_alias=True)) + "\n").encode("utf-8"))
+    except OptionError as error:
+        raise _unkept(fleet, f"{RESULT_FILE}: {error.found}") from error
     return answer
+
+
+def _unkept(fleet: Fleet, found: str) -> OptionError:
+    """Ends the fleet: where there is no room for one answer, there is none for others."""
+    return OptionError(
+        found,
+        expected="a disk with room for the answers",
+        where=str(fleet.results),
+        advice="free some space and give the same command again: it goes on from what is done",
+    )

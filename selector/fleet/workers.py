@@ -11,33 +11,13 @@ import time
 import warnings
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import Any, Protocol
+from typing import Any
 
 from selector.errors import OptionError
 from selector.fleet.machine_study import Answer, Task, answered
 
 _BIRTHS, _BIRTH_WAIT_S = 5, 0.2
 NO_WORKER_S = 60.0  #: So long a cluster may be without any worker before the fleet gives up.
-
-
-class Workers(Protocol):
-    """Who does studies, a few at a time."""
-
-    @property
-    def free(self) -> int:
-        """How many more studies can be begun."""
-
-    def start(self, task: Task) -> None:
-        """Begin a study."""
-
-    def finished(self, timeout_s: float) -> list[tuple[str, Answer | None]]:
-        """(machine, answer) of studies that have ended; None where the worker died before it answered."""
-
-    def stop(self, name: str) -> None:
-        """Give a study up; it never appears in `finished`."""
-
-    def close(self) -> None:
-        """End all that is at work."""
 
 
 class Processes:
@@ -223,6 +203,9 @@ class Cluster:
         with contextlib.suppress(Exception):
             return dict(self._client.nthreads())
         return {}
+
+
+Workers = Processes | Cluster  #: Who does studies, a few at a time.
 
 
 def _came_of(future: Any) -> Answer | None:

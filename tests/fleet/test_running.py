@@ -1,5 +1,6 @@
 """Which study when, what is tried again and what is kept; with workers that die, hang and answer as they are told."""
 
+import errno
 import json
 import os
 import signal
@@ -8,8 +9,8 @@ import time
 import pytest
 
 from selector.cli import exit_status
-from selector.errors import ResultError
-from selector.fleet import RESULT_FILE, Answer, Processes, read_answer, read_fleet, run_fleet
+from selector.errors import OptionError, ResultError
+from selector.fleet import RESULT_FILE, Answer, Processes, answered, read_answer, read_fleet, run_fleet
 from selector.fleet.machine_study import Task
 from selector.telling.fleet import fleet_account
 from tests.fleet.machines import Here, fleet_file, machine
@@ -119,6 +120,43 @@ def test_ctrl_c_keeps_what_is_done(fleet):
         run_fleet(fleet, workers)
     assert workers.closed
     assert list(read_answer(fleet.results).machines) == ["m0", "m1"]
+
+
+def test_a_full_disk_ends_the_fleet_and_is_no_fault_of_its_machines(fleet, monkeypatch):
+    unkept = Answer(status="failed", error="…: No space left on device", is_unkept=True)
+    workers = Told({"m0": [DONE], "m1": [unkept], "m2": [DONE], "m3": [DONE]}, jobs=1)
+    with pytest.raises(OptionError, match="no room on the disk for the answer of m1"):
+        run_fleet(fleet, workers)
+    assert workers.closed
+    assert workers.begun == ["m0", "m1"]
+    assert list(read_answer(fleet.results).machines) == ["m0"]
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("selector.atomic_file.os.fsync", full)
+    with pytest.raises(OptionError, match="same command again") as told:
+        run_fleet(fleet, Told({f"m{i}": [DONE] for i in range(4)}))
+    assert str(fleet.results) in told.value.where
+    assert list(read_answer(fleet.results).machines) == ["m0"]
+
+
+def test_what_a_study_could_not_write_is_known_from_what_it_could_not_do(tmp_path, monkeypatch):
+    machine(tmp_path / "m", 1)
+    fleet = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"\nn = "n"'))
+    tasks = [Task(name, study, fleet.results, PATIENCE_S) for name, study in fleet.studies.items()]
+
+    def failing(number):
+        def fsync(_):
+            raise OSError(number, os.strerror(number))
+
+        monkeypatch.setattr("selector.atomic_file.os.fsync", fsync)
+        return [answered(task) for task in tasks]
+
+    assert [one.is_unkept for one in failing(errno.ENOSPC)] == [True, False]
+    refused = failing(errno.EACCES)[0]
+    assert (refused.status, refused.is_unkept) == ("failed", False)
+    assert "is_unkept" not in refused.model_dump()
 
 
 def test_a_folder_without_results_is_told(tmp_path):
