@@ -1,6 +1,6 @@
 """What touch-offs leave of the error of a model on days that it drifted to: measured and simulated.
 
-    python benchmarks/bench_adaptation.py [--ace FOLDER] [--seeds 5]
+    python benchmarks/bench_adaptation.py [--ace FOLDER] [--seeds 5] [--refit]
 
 `FOLDER` has ACE_X.xlsx and ACE_Y.xlsx of srivathsan902/Thermal_Compensation_Webpage (commit 24ffb56, code/Datasets; no
 licence: evaluation in place): a lathe, 18 days, 5 thermometers and the hall, the thermal error of a diameter. The file
@@ -16,6 +16,10 @@ the other days taught. `reset`: the offset is the last reading. A touch-off that
 sample. False: 5 % of the touch-offs are off by ± 50 µm, and none is repeated. Taken out: the same touch-offs are not
 there at all, as if somebody knew which are false; the rest of the cost is what believing and doubting does. A few draws
 say little: which touch-off of which day is lost counts for more.
+
+With --refit another table: the coefficients fitted anew at every touch-off, by least squares to the old recordings and
+all touch-offs so far, of earlier days too; each touch-off counts as one sample, or as an hour of samples; or to the
+touch-offs alone, once there are three a coefficient.
 """
 
 from __future__ import annotations
@@ -38,10 +42,19 @@ DRAWS = 40
 NOTHING = np.zeros(0, dtype=np.intp)
 
 
+Days = list[tuple[np.ndarray, np.ndarray, np.ndarray]]
+"""Of each day: time [s], columns of the model, displacement [µm]."""
+
+
+def simulated_days(seed: int, *, has_drift: bool = True, is_moved: bool = False) -> Days:
+    """24 days of a machine; the first six make the model."""
+    rng = np.random.default_rng(seed)
+    return [_day(rng, day, has_drift=has_drift, is_moved=is_moved) for day in range(24)]
+
+
 def simulated(seed: int, *, has_drift: bool = True, is_moved: bool = False) -> list[Course]:
     """The 18 later days of a machine, with the predictions of a model of its first six."""
-    rng = np.random.default_rng(seed)
-    days = [_day(rng, day, has_drift=has_drift, is_moved=is_moved) for day in range(24)]
+    days = simulated_days(seed, has_drift=has_drift, is_moved=is_moved)
     x = np.concatenate([temperatures for _, temperatures, _ in days[:6]])
     y = np.concatenate([displacement for _, _, displacement in days[:6]])
     coefficients = np.linalg.lstsq(x, y, rcond=None)[0]
@@ -74,24 +87,72 @@ def _day(
     return time_s, temperatures, displacement
 
 
-def ace(folder: Path) -> list[Course]:
-    """The 18 days of the lathe, each predicted by the others."""
+def ace_days(folder: Path) -> Days:
+    """The 18 days of the lathe."""
     import pandas as pd
 
     tables = [pd.read_excel(folder / name, sheet_name=None, engine="calamine") for name in ("ACE_X.xlsx", "ACE_Y.xlsx")]
     x = [np.asarray(sheet, dtype=float) for sheet in tables[0].values()]
     y = [np.asarray(sheet, dtype=float)[:, -1] for sheet in tables[1].values()]
     rises = [np.column_stack([np.ones(len(day)), day - day[0]]) for day in x]
-    moved = [day - day[0] for day in y]
-    courses = []
-    for k, name in enumerate(tables[0]):
-        others = [i for i in range(len(x)) if i != k]
+    return [(120.0 * np.arange(len(day)), rise, day - day[0]) for rise, day in zip(rises, y, strict=True)]
+
+
+def ace(folder: Path) -> list[Course]:
+    """The 18 days of the lathe, each predicted by the others."""
+    days, courses = ace_days(folder), []
+    for k, (time_s, rises, moved) in enumerate(days):
+        others = [day for i, day in enumerate(days) if i != k]
         fit = np.linalg.lstsq(
-            np.concatenate([rises[i] for i in others]), np.concatenate([moved[i] for i in others]), rcond=None
+            np.concatenate([x for _, x, _ in others]), np.concatenate([y for *_, y in others]), rcond=None
         )[0]
-        time_s = 120.0 * np.arange(len(moved[k]))
-        courses.append(Course(name, time_s, rises[k] @ fit, moved[k], NOTHING, np.zeros(0)))
+        courses.append(Course(f"d{k + 1}", time_s, rises @ fit, moved, NOTHING, np.zeros(0)))
     return courses
+
+
+def refitted_rmse_um(old: Sequence[Days], days: Days, period_s: float, weight: float) -> float:
+    """Coefficients fitted anew at every touch-off to old recordings (of each day, those of it) and to all touch-offs.
+
+    `weight` of a touch-off in samples; inf: the old recordings count no more once there are three a coefficient.
+    """
+    squares, n = [], days[0][1].shape[1]
+    touched, answer = np.zeros((n, n)), np.zeros(n)
+    count = 0
+    for before, (time_s, x, y) in zip(old, days, strict=True):
+        old_x = np.concatenate([one for _, one, _ in before])
+        start, goal = old_x.T @ old_x, old_x.T @ np.concatenate([one for *_, one in before])
+        at = Course("", time_s, y, y, NOTHING, np.zeros(0)).touched_every(period_s).touched_at
+        for first, last in zip([0, *(at + 1)], [*(at + 1), len(y)], strict=True):
+            if np.isinf(weight) and count >= 3 * n:
+                fit = np.linalg.lstsq(touched, answer, rcond=None)[0]
+            else:
+                share = 0.0 if np.isinf(weight) else weight
+                fit = np.linalg.lstsq(start + share * touched, goal + share * answer, rcond=None)[0]
+            squares.append((y[first:last] - x[first:last] @ fit) ** 2)
+            if first < last and last - 1 in at:
+                touched, answer = touched + np.outer(x[last - 1], x[last - 1]), answer + y[last - 1] * x[last - 1]
+                count += 1
+    return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def refitted(options: argparse.Namespace) -> None:
+    """The table of --refit."""
+    machines: dict[str, list[tuple[list[Days], Days, float]]] = {}
+    for name, is_moved in (("simulated", False), ("simulated, gauge moved", True)):
+        several = [simulated_days(seed, is_moved=is_moved) for seed in range(options.seeds)]
+        machines[name] = [([days[:6]] * 18, days[6:], 60.0) for days in several]
+    if options.ace is not None:
+        days = ace_days(options.ace)
+        machines["lathe"] = [([[*days[:k], *days[k + 1 :]] for k in range(len(days))], days, 30.0)]
+    print("| machine | touch-off every | refitted, as a sample | as an hour | touch-offs alone |")
+    print("|---|---|---:|---:|---:|")
+    for name, several in machines.items():
+        for hours in HOURS:
+            found = [
+                _joint([refitted_rmse_um(old, days, 3600.0 * hours, weight(hour)) for old, days, hour in several])
+                for weight in (lambda _: 1.0, lambda hour: hour, lambda _: np.inf)
+            ]
+            print(f"| {name} | {hours:g} h | {' | '.join(f'{one:.2f}' for one in found)} |", flush=True)
 
 
 def reset_rmse_um(courses: Sequence[Course]) -> float:
@@ -161,7 +222,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--ace", type=Path)
     parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--refit", action="store_true")
     options = parser.parse_args()
+    if options.refit:
+        refitted(options)
+        return
     print(
         "| machine | touch-off every | before [µm] | model alone | offset reset | adapted | kind | in 90 % interval | "
         "false readings | taken out | false, reset |"
