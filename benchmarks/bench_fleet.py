@@ -1,10 +1,15 @@
 """A fleet of small machines, one in twenty of them broken: who is told, the same bytes everywhere, cost, and murders.
 
 python benchmarks/bench_fleet.py [--machines 200] [--runs 8] [--folder DIR] [--dask] [--no-kill] [--kill-every 10]
+                                 [--copies 10000]
 
 In turn: `select` alone and the study of a fleet on some machines; the fleet on one process and on two (bytes compared,
 scaling); once more (nothing is done again); with a worker killed every so many seconds and the command itself killed in
-the middle; with --dask on two workers of a cluster on this computer, workers killed there, too.
+the middle; with --dask on two workers of a LocalCluster, workers killed there, too, and its scheduler in the middle;
+with --copies that many machines of which most have the recordings of another: what the fleet itself costs.
+
+Scaling is told by processor time, which other work on the computer hardly changes: with enough processors a fleet takes
+as long as the busiest of its processes.
 """
 
 from __future__ import annotations
@@ -99,11 +104,29 @@ def command(folder: Path, results: str, *arguments: str) -> list[str]:
     return [sys.executable, "-m", "selector", "fleet", "run", str(named), *arguments, "--json"]
 
 
-def run(line: list[str]) -> tuple[dict[str, Any], float]:
-    """(answer, seconds)."""
+def run(line: list[str]) -> tuple[dict[str, Any], float, list[float]]:
+    """(answer, seconds, seconds of processor time of each of its processes, the busiest first)."""
     start = time.perf_counter()
-    done = subprocess.run(line, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, check=True)
-    return json.loads(done.stdout), time.perf_counter() - start
+    used: dict[int, float] = {}
+    with tempfile.TemporaryFile() as out:
+        process = subprocess.Popen(line, stdout=out, stderr=subprocess.DEVNULL)
+        while process.poll() is None:
+            used |= processor_s(process.pid)
+            time.sleep(0.05)
+        if process.returncode:
+            raise SystemExit(f"exit {process.returncode}: {' '.join(line)}")
+        out.seek(0)
+        return json.loads(out.read()), time.perf_counter() - start, sorted(used.values(), reverse=True)
+
+
+def processor_s(pid: int) -> dict[int, float]:
+    """Process → processor time so far [s], of a process and of all below it."""
+    found = {}
+    for one in below(pid)[0]:
+        with contextlib.suppress(OSError):
+            fields = Path(f"/proc/{one}/stat").read_text().rpartition(")")[2].split()
+            found[one] = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return found
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -122,20 +145,26 @@ def told(title: str, answer: dict[str, Any], broken: list[str], seconds: float) 
     )
 
 
-def workers_below(pid: int) -> list[int]:
-    """Processes that a process has started, and those that these have: the leaves do the work."""
+def below(pid: int) -> tuple[list[int], set[int]]:
+    """(a process and all that it and these have started, those of them that have started others)."""
     parents: dict[int, list[int]] = {}
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             with contextlib.suppress(OSError):
                 parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
                 parents.setdefault(parent, []).append(int(entry.name))
-    below = [pid]
-    for one in below:
-        below += parents.get(one, [])
+    found = [pid]
+    for one in found:
+        found += parents.get(one, [])
+    return found, set(parents)
+
+
+def workers_below(pid: int) -> list[int]:
+    """Processes that a process has started, and those that these have: the leaves do the work."""
+    found, parents = below(pid)
     return [
         one
-        for one in below[1:]
+        for one in found[1:]
         if one not in parents and b"resource_tracker" not in Path(f"/proc/{one}/cmdline").read_bytes()
     ]
 
@@ -182,23 +211,90 @@ def with_murders(folder: Path, broken: list[str], expected: dict[str, bytes], ev
     answer = json.loads(out)
     told(f"after {len(killed) + len(more)} killed workers", answer, broken, time.perf_counter() - start)
     print(f"  of {kept} answers before the command was killed {answer['reused']} were used again", flush=True)
-    answer, seconds = run(line)
+    answer, seconds, _ = run(line)
     told("once more, nobody is killed", answer, broken, seconds)
     print(f"  same bytes: {files(folder / 'killed') == expected}", flush=True)
 
 
-def on_dask(folder: Path, broken: list[str], expected: dict[str, bytes], every_s: float) -> None:
-    """Two workers with nannies on this computer."""
-    from distributed import LocalCluster
+CLUSTER = """
+import sys, time
+from distributed import LocalCluster
+if __name__ == "__main__":
+    cluster = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    print(cluster.scheduler_address, flush=True)
+    time.sleep(86400)
+"""
 
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        line = command(folder, "dask", "--dask", cluster.scheduler_address)
-        start = time.perf_counter()
-        process = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-        with murders(os.getpid(), every_s) if every_s else contextlib.nullcontext([]) as killed:
-            out, _ = process.communicate()
-        told(f"Dask, {len(killed)} killed workers", json.loads(out), broken, time.perf_counter() - start)
+
+@contextlib.contextmanager
+def local_cluster(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """(process of a scheduler with two nannies on this computer, its address)."""
+    script = folder / "cluster.py"
+    script.write_text(CLUSTER)
+    # the file asks by its name what is imported, and a worker must not import this one
+    process = subprocess.Popen(
+        [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    try:
+        assert process.stdout is not None
+        yield process, process.stdout.readline().strip()
+    finally:
+        process.kill()
+        process.wait()
+
+
+def on_dask(folder: Path, broken: list[str], expected: dict[str, bytes], every_s: float) -> None:
+    """Workers killed all the time, the scheduler once, in the middle; then with another scheduler it goes on."""
+    start, n_killed, kept = time.perf_counter(), 0, dict[Path, int]()
+    for is_first in (True, False):
+        with local_cluster(folder) as (cluster, address):
+            line = command(folder, "dask", "--dask", address)
+            process = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            with murders(cluster.pid, every_s) if every_s else contextlib.nullcontext([]) as killed:
+                while is_first and every_s and process.poll() is None and 4 * len(kept) < len(expected):
+                    kept = times(folder / "dask")
+                    time.sleep(0.1)
+                if is_first and every_s:
+                    cluster.kill()
+                    begun = time.perf_counter()
+                out, said = process.communicate()
+            n_killed += len(killed)
+        if not is_first or not every_s:
+            break
+        late_s = time.perf_counter() - begun
+        print(f"scheduler killed after {len(kept)} answers: exit {process.returncode} after {late_s:.1f} s")
+        last = said.strip().splitlines()[-1:]
+        print(f"  {last}", flush=True)
+        kept = times(folder / "dask")
+    answer = json.loads(out)
+    told(f"Dask, {n_killed} killed workers", answer, broken, time.perf_counter() - start)
+    twice = sum(times(folder / "dask").get(place) != moment for place, moment in kept.items())
+    print(f"  {len(kept)} answers before, {answer['reused']} used again, {twice} of them written twice")
     print(f"  same bytes: {files(folder / 'dask') == expected}", flush=True)
+
+
+def times(folder: Path) -> dict[Path, int]:
+    """When answers were written."""
+    return {place: place.stat().st_mtime_ns for place in folder.glob("*/done.json")}
+
+
+def of_copies(folder: Path, broken: list[str], n_machines: int) -> None:
+    """Machines most of which have the recordings of another: all that a fleet costs beside its studies."""
+    right = [place for place in sorted((folder / "plant").iterdir()) if place.name not in broken]
+    for i in range(n_machines):
+        of = right[i % len(right)]
+        place = folder / "copies" / f"c{i + 1:05d}"
+        place.mkdir(parents=True)
+        for file in of.iterdir():
+            os.link(file, place / file.name)
+    named = folder / "FLEET-copies.toml"
+    named.write_text('results = "jobs2"\nfolders = ["copies/*"]\n[select]\nmax_sensors = 3\n')
+    line = [sys.executable, "-m", "selector", "fleet", "run", str(named), "--jobs", "2", "--json"]
+    answer, seconds, used = run(line)
+    print(
+        f"{n_machines} machines: {answer['done']} done, {answer['reused']} reused, {seconds:.0f} s, of processor time:"
+    )
+    print(f"  {sum(used):.0f} s, each process {[round(one, 1) for one in used]}", flush=True)
 
 
 def main() -> None:
@@ -210,6 +306,7 @@ def main() -> None:
     parser.add_argument("--dask", action="store_true")
     parser.add_argument("--no-kill", action="store_true")
     parser.add_argument("--kill-every", type=float, default=10.0, metavar="S")
+    parser.add_argument("--copies", type=int, default=0)
     asked = parser.parse_args()
     # as many threads as the fleet has
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -217,21 +314,22 @@ def main() -> None:
     shutil.rmtree(folder, ignore_errors=True)
     broken = plant(folder, asked.machines, asked.runs)
     alone(folder, broken)
-    seconds = {}
+    used = {}
     for jobs in (1, 2):
-        answer, seconds[jobs] = run(command(folder, f"jobs{jobs}", "--jobs", str(jobs)))
-        told(f"{jobs} processes", answer, broken, seconds[jobs])
+        answer, seconds, used[jobs] = run(command(folder, f"jobs{jobs}", "--jobs", str(jobs)))
+        told(f"{jobs} processes", answer, broken, seconds)
+        print(f"  {sum(used[jobs]):.1f} s of processor time, each process {[round(one, 1) for one in used[jobs]]}")
     expected = files(folder / "jobs1")
     print(f"same bytes on one and on two: {files(folder / 'jobs2') == expected} ({len(expected)} files)")
-    print(
-        f"two processes take {seconds[2] / seconds[1]:.2f} of the time of one, {os.cpu_count()} processors", flush=True
-    )
-    answer, again = run(command(folder, "jobs2", "--jobs", "2"))
+    print(f"the busiest of two takes {used[2][0] / used[1][0]:.2f} of the processor time of one", flush=True)
+    answer, again, _ = run(command(folder, "jobs2", "--jobs", "2"))
     told("once more", answer, broken, again)
     if not asked.no_kill:
         with_murders(folder, broken, expected, asked.kill_every)
     if asked.dask:
         on_dask(folder, broken, expected, 0.0 if asked.no_kill else asked.kill_every)
+    if asked.copies:
+        of_copies(folder, broken, asked.copies)
 
 
 def alone(folder: Path, broken: list[str]) -> None:
