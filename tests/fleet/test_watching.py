@@ -110,11 +110,11 @@ def test_a_dead_sensor_is_among_the_findings(watched):
 
 
 def test_what_a_finding_of_level_error_speaks_against_is_not_told_as_before(watched):
-    """A gauge in mm from now on: three runs are too few for an alarm, but anybody can see it."""
-    for number in range(PROVED + 4, ALL + 1):
+    """A gauge in mm from now on: two runs are too few for an alarm, but anybody can see it."""
+    for number in range(PROVED + 3, ALL + 1):
         (watched.place.parent / "m" / f"r{number}.csv").unlink()
     changed(
-        watched.place.parent / "m", range(PROVED + 1, PROVED + 4), lambda table: table.update(table["Z [um]"] / 1e3)
+        watched.place.parent / "m", range(PROVED + 1, PROVED + 3), lambda table: table.update(table["Z [um]"] / 1e3)
     )
     found = watch_fleet(watched)
     assert found.machines["m"].status == "quiet"
