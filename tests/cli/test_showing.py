@@ -201,6 +201,18 @@ def test_a_brief_answer_gives_its_tables_what_its_findings_leave_of_a_screen(wid
     assert max(text.count("\n") for text in shown.values()) <= 38
 
 
+def test_on_a_narrow_screen_the_findings_that_weigh_least_make_room():
+    account = replace(Account("A result", ("It is so. " * 20,) * 3, (), answer=table(["name"], [("T1",)])), brief=())
+    found = [replace(FINDING, id=f"kind-{k}", statement=f"Found-{k}. " * 25, suggestion="do " * 40) for k in range(5)]
+    stream = io.StringIO()
+    showing.show_answer(Console(file=stream, width=80), account, found, everything=False)
+    shown = stream.getvalue()
+    assert shown.count("\n") <= 37, "and three lines say what was written"
+    assert "Found-1" in shown
+    assert "Found-4" not in shown
+    assert "--all shows" in shown
+
+
 def test_long_names_in_a_table_that_does_not_fit_are_shortened_in_the_middle():
     names = [f"Spindelstock_Vorderes_Hauptlager_Aussenring_Messstelle_{k}_oben_links" for k in ("A1", "A2", "B1")]
     inside = [f"a_very_long_beginning_{k}_and_an_end_that_is_as_long_as_that" for k in (1, 2, 3)]

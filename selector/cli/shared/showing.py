@@ -96,8 +96,9 @@ def _harmless(text: str) -> str:
 
 #: Rows of a table, and findings, that are shown; a page and the JSON have all. In brief a table alone may have more.
 MOST_ROWS, MOST_ROWS_IN_BRIEF, MOST_ALONE, MOST_FINDINGS, MOST_INFO = 20, 6, 12, 5, 2
-#: Lines of an answer, which leave two of 40 for files; of sentences and tables; rows from which on a table is begun.
-MOST_SCREEN, MOST_LINES, LEAST_ROWS = 38, 28, 3
+#: Lines of an answer, which leave three of 40 for files; of sentences and tables; rows from which on a table is begun;
+#: findings that are shown however long they are.
+MOST_SCREEN, MOST_LINES, LEAST_ROWS, LEAST_FINDINGS = 37, 28, 3, 2
 
 Everything = Annotated[bool, option("answers --all")]
 
@@ -168,21 +169,20 @@ def show_answer(console: Console, account: Account, findings: Iterable[Finding],
     """What an account says, the findings of the answer, and where the rest is."""
     told = tuple(findings)
 
-    def show(room: int) -> None:
+    def show(room: int, most: int) -> None:
         is_whole = show_account(console, account, everything=everything, most_lines=room)
-        show_findings(console, told, everything=everything, more=account.brief is not None or not is_whole)
+        show_findings(console, told, everything=everything, more=account.brief is not None or not is_whole, most=most)
 
-    room = MOST_LINES if account.brief is None else MOST_SCREEN
-    if not everything:
-        with console.capture() as below:
-            show_findings(console, told, more=True)
-        most = max(min(room, MOST_SCREEN - below.get().count("\n")), MOST_ROWS_IN_BRIEF)
-        for room in range(most, MOST_ROWS_IN_BRIEF - 1, -1):
-            with console.capture() as whole:
-                show(room)
-            if whole.get().count("\n") <= MOST_SCREEN:
-                break
-    show(room)
+    # tables are cut first, then the findings that weigh least
+    room, most = MOST_LINES if account.brief is None else MOST_SCREEN, MOST_FINDINGS
+    while not everything:
+        with console.capture() as whole:
+            show(room, most)
+        over = whole.get().count("\n") - MOST_SCREEN
+        if over <= 0 or most == LEAST_FINDINGS:
+            break
+        room, most = (max(room - 1, MOST_ROWS_IN_BRIEF), most) if room > MOST_ROWS_IN_BRIEF else (room, most - 1)
+    show(room, most)
 
 
 def give_answer(
