@@ -6,7 +6,7 @@ import threading
 import time
 from pathlib import Path
 
-SILENCE_S = 4.0
+SILENCE_S = 3.0
 BEGUN = time.monotonic()
 # modules are compiled when they are first used: compiling all of them takes longer than the demo
 PIP = [sys.executable, "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar", "off", "--no-compile"]

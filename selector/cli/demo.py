@@ -24,10 +24,12 @@ def demo(
     First a real spindle, recorded for 40 hours with 16 thermometers and five probes; then the eight-sensor example of
     patent CN1868666, on a reconstruction of its recording, which was not measured.
     """
-    from selector.audit import audit_patent
-    from selector.selection import Options
-    from selector.shipped import shipped
-    from selector.telling.selected.account import selection_account, write_report
+    with progress_bar(spoken=True):
+        # for the first time this takes seconds: the modules are compiled, too
+        from selector.audit import audit_patent
+        from selector.selection import Options
+        from selector.shipped import shipped
+        from selector.telling.selected.account import selection_account, write_report
 
     require_writable_folder(out, "--out")
     console = showing.screen()

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 
+import pytest
+
 from selector.cli import exit_status
+from selector.cli.demo import demo
 from selector.cli.shared import progress
 from selector.cli.shared.progress import VARIABLE, counted_progress, progress_bar
 from selector.shipped import shipped
@@ -28,10 +32,30 @@ def test_a_long_silence_is_broken_where_it_is_asked(capfd, monkeypatch):
     monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr(progress, "_LONGEST_SILENCE_S", 0.01)
     with progress_bar(spoken=True) as say:
-        say("compiling", None)
+        time.sleep(0.2)
         say("folds", 0.5)
         time.sleep(0.2)
-    assert "folds, 50 %" in capfd.readouterr().err
+    said = capfd.readouterr().err
+    assert "s  loading\n" in said
+    assert "folds, 50 %" in said
+
+
+def test_a_demo_whose_modules_load_for_long_says_so(capfd, monkeypatch, tmp_path):
+    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setattr(progress, "_LONGEST_SILENCE_S", 0.01)
+    # an import that takes a while, and fails: what follows is not needed here
+    monkeypatch.setattr(sys, "meta_path", [Slow(), *sys.meta_path])
+    monkeypatch.delitem(sys.modules, "selector.audit", raising=False)
+    with pytest.raises(ImportError, match="never mind"):
+        demo(tmp_path / "demo")
+    assert "s  loading\n" in capfd.readouterr().err
+
+
+class Slow:
+    def find_spec(self, name: str, path: object = None, target: object = None) -> None:
+        if name == "selector.audit":
+            time.sleep(0.2)
+            raise ImportError("never mind")
 
 
 def test_programs_get_lines(capfd, monkeypatch):

@@ -17,7 +17,7 @@ from typing import Any
 Progress = Callable[[str, float | None], None]
 
 VARIABLE = "SELECTOR_PROGRESS"
-_LEAST_INTERVAL_S, _LONGEST_SILENCE_S = 0.1, 4.0
+_LEAST_INTERVAL_S, _LONGEST_SILENCE_S = 0.1, 3.0
 
 
 @contextmanager
@@ -33,7 +33,7 @@ def progress_bar(*, spoken: bool = False) -> Iterator[Progress]:
     elif console.is_terminal:
         columns = (BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
         with Bar(*columns, console=console, transient=True) as bar:
-            task = bar.add_task("", total=None)
+            task = bar.add_task("loading", total=None)
 
             def say(doing: str, share: float | None) -> None:
                 bar.update(task, description=doing, completed=share or 0.0, total=None if share is None else 1.0)
@@ -61,7 +61,7 @@ def counted_progress(title: str) -> Iterator[Callable[[float, float, str], None]
 def _spoken() -> Iterator[Progress]:
     """What is being done, on stderr, wherever nothing was said for some seconds."""
     begun, done = time.monotonic(), threading.Event()
-    now: list[tuple[str, float | None]] = [("", None)]
+    now: list[tuple[str, float | None]] = [("loading", None)]
 
     def keep_saying() -> None:
         while not done.wait(_LONGEST_SILENCE_S):
