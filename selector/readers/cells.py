@@ -4,7 +4,7 @@ import functools
 import re
 import unicodedata
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -78,25 +78,8 @@ def folded_word(text: str) -> str:
 def cell_kind(text: str, decimal: str) -> str:
     """``"empty"``, ``"number"``, ``"time"``, ``"missing"``, ``"break"`` or ``"text"``."""
     cell = text.strip().strip('"').strip()
-    if not cell:
-        return "empty"
-    if is_number(cell, decimal):
-        return "number"
-    if len(cell) > 80:
-        return "text"
-    if is_time(cell):
-        return "time"
-    word = folded_word(cell)
-    if word in MISSING_WORDS:
-        return "missing"
-    if word in BREAK_WORDS:
-        return "break"
-    if is_grouped_number(cell, decimal) or is_number(plain_digits(cell), decimal):
-        return "number"
-    parts = number_and_unit(cell)
-    if parts is not None and is_number(parts[0], decimal) and parse_unit(parts[1]) is not None:
-        return "number"
-    return "text"
+    kind = _judged(cell, decimal)[1].partition(":")[0] if cell else "empty"
+    return {"grouped": "number", "unit": "number", "other": "text", "bool": "text"}.get(kind, kind)
 
 
 def plain_digits(text: str) -> str:
@@ -307,16 +290,18 @@ class Layout:
     units: int | None
     description: int | None
     first: int
-    above: int | None = None  #: Names over several columns (merged cells), where those below them have others.
+    above: int | None = None  #: Names over several columns (merged cells), behind which those below them stand.
 
     def headers(self, rows: Sequence[Sequence[str]]) -> list[str]:
-        """The names of the columns, each behind the one that stands over several of them."""
-        if self.names is None or self.above is None:
-            return [] if self.names is None else list(rows[self.names])
-        found, over = [], ""
-        for upper, name in zip_longest(rows[self.above], rows[self.names], fillvalue=""):
+        """The names of the columns; behind what stands over them where they have gaps, or a name stands twice."""
+        names = [] if self.names is None else list(rows[self.names])
+        if self.above is None:
+            return names
+        found, over, gaps = [], "", _is_filled_up(rows[self.above], names)
+        for upper, name in zip_longest(rows[self.above], names, fillvalue=""):
             over = upper or over
-            found.append(f"{over} {name}".strip() if name else upper)
+            joined = f"{over} {name}".strip() if gaps or names.count(name) > 1 else name
+            found.append(joined if name else upper)
         return found
 
 
@@ -387,11 +372,8 @@ def layout(
         below = [i for i in candidates if i > header_row]
         units = next((i for i in reversed(below) if _unit_share(rows[i]) >= 0.6), None)
         return Layout(header_row, units, None, first)
-    units = None
-    if len(candidates) > 1:
-        shares = {i: _unit_share(rows[i]) for i in candidates}
-        close = [i for i in candidates if i >= first - 4 and shares[i] >= 0.6]
-        units = close[-1] if close else None
+    close = [i for i in candidates if len(candidates) > 1 and i >= first - 4 and _unit_share(rows[i]) >= 0.6]
+    units = close[-1] if close else None
     rest = [i for i in candidates if i != units]
     if not rest:
         numbered = _numbered_heading(rows, first)
@@ -407,7 +389,17 @@ def layout(
         return Layout(names + 1, units, None, first, names)
     extra = [i for i in rest if i > names and any(c.isalpha() for cell in rows[i] for c in cell)]
     extra = [i for i in extra if not {cell.casefold() for cell in rows[i]} <= _STATISTICS]
-    return Layout(names, units, extra[-1] if extra else None, first)
+    found = Layout(names, units, extra[-1] if extra else None, first)
+    # names that stand twice are told apart by what stands over them, or not at all; two times are tables side by side
+    twice = _repeated(rows[names])
+    if twice and names and _unit_share(rows[names - 1]) < 0.6 and not any(map(is_time_name, map(without_unit, twice))):
+        joined = replace(found, above=names - 1)
+        return found if _repeated(joined.headers(rows)) else joined
+    return found
+
+
+def _repeated(names: Sequence[str]) -> set[str]:
+    return {name for name in names if name and names.count(name) > 1}
 
 
 def _first_sample(rows: Sequence[Sequence[str]], kinds: Sequence[str], decimal: str, start: int) -> int | None:

@@ -259,9 +259,11 @@ def _of_several(findings: Sequence[Finding]) -> Remark:
 
 
 def named(names: Sequence[str], most: int = MOST_NAMED) -> str:
-    """Names in a sentence, of many the first ones and how many more; long ones without their middle."""
-    left = len(names) - most
-    shown = [shortened(one, LONGEST) for one in names[:most]]
+    """Names in a sentence, of many the first ones and how many more; long ones without a middle, still different."""
+    left, longest, first = len(names) - most, LONGEST, names[:most]
+    while len({shortened(one, longest) for one in first}) < len(set(first)):
+        longest += 8
+    shown = [shortened(one, longest) for one in first]
     return listed([*shown, f"{left} more"] if left > 0 else shown)
 
 

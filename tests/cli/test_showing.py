@@ -159,6 +159,20 @@ def test_cell_text(value, text):
     assert showing.cell_text(value) == text
 
 
+def test_long_names_beside_many_numbers_take_few_lines_unless_all_is_asked_for():
+    names = [f"Werk 3 Linie B Spindelkasten vorderes Lager Kühlmantel Ablauf {axis} gemessen" for axis in "YZ"]
+    columns = ["output", *(f">value {k} [µm]" for k in range(5))]
+    account = Account("A result", (), (), answer=table(columns, [(name, *["0.29 to 2.6"] * 5) for name in names]))
+    shown = {}
+    for everything in (False, True):
+        stream = io.StringIO()
+        showing.show_answer(Console(file=stream, width=80), account, (), everything=everything)
+        shown[everything] = stream.getvalue()
+        assert all(f"{axis} gemessen" in " ".join(stream.getvalue().split()) for axis in "YZ")
+        assert ("Ablauf" in stream.getvalue()) is everything
+    assert shown[False].count("\n") < shown[True].count("\n")
+
+
 def test_signs_survive_a_code_page_that_lacks_them():
     assert "Z = −1.9 + 6·ΔT1".encode("ascii", "selector.spelt-out") == b"Z = -1.9 + 6*dT1"
     assert "漢".encode("cp1252", "selector.spelt-out") == b"?"

@@ -96,6 +96,22 @@ class TestExcel:
             text = "\n".join(";".join("" if cell is None else str(cell) for cell in row) for row in [*sheet, *rows])
             assert reads(text.encode("cp1252"), "r1.csv").recording.names == names
 
+    def test_names_that_stand_twice_are_told_apart_by_what_stands_over_them(self, reads):
+        rows = [[t, a, a + 1, a - 1, b] for t, a, b in ROWS]
+        lower = ["Zeit [s]", "oben [°C]", "unten [°C]", "oben [°C]", "Z [µm]"]
+        for upper, names in (
+            ([None, "Spindelstock", None, "Säule", None], ("Spindelstock oben", "unten", "Säule oben", "Z")),
+            ([None, "Spindelstock", None, None, None], ("oben", "unten", "oben .2", "Z")),  # that tells nothing apart
+            (["s", "°C", "°C", "°C", "µm"], ("oben", "unten", "oben .2", "Z")),  # units are no names
+        ):
+            reading = reads(workbook({"S": [upper, lower, *rows]}), "r1.xlsx")
+            assert reading.recording.names == names
+            np.testing.assert_allclose(reading.recording.values("r1", names[:3:2]), np.array([T1, T1 - 1]).T)
+            text = "\n".join(
+                ";".join("" if cell is None else str(cell) for cell in row) for row in [upper, lower, *rows]
+            )
+            assert reads(text.encode("cp1252"), "r1.csv").recording.names == names
+
     def test_sheets_of_one_kind_are_runs_or_one_is_chosen(self, reads):
         book = workbook({f"Day {k}": [HEAD, *ROWS] for k in (1, 2, 3)} | {"Sum": [["x", "y"], [1, 2], [3, 4]]})
         reading = reads(book, "w.xlsx")

@@ -14,19 +14,22 @@ _LONGEST = (32, 24, 16, 12, 9)  #: Letters to which words are shortened, the fir
 
 
 class FittedTable(Table):
-    """A table whose columns to the right hold numbers: not broken where the screen is wide enough for them."""
+    """A table whose columns to the right hold numbers: not broken where there is room; if `is_brief`, texts are cut."""
 
-    def __init__(self, title: str) -> None:
+    def __init__(self, title: str, *, is_brief: bool = False) -> None:
         super().__init__(
             title=title, title_justify="left", min_width=cell_len(title), box=box.SIMPLE_HEAD, pad_edge=False
         )
+        self.is_brief = is_brief
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """As `Table`, once the widths are settled: what a column needs, then words that stay whole, then the widest."""
         gaps = len(self.columns) - 1
         for longest in _LONGEST:
             if sum(map(_narrowest, self.columns)) + 2 + gaps > options.max_width:
-                _shorten([column for column in self.columns if column.justify != "right"], longest)
+                for column in self.columns:
+                    words = [str(cell).split(" ") for cell in column.cells]
+                    _shorten(column, [" ".join(shortened(one, longest) for one in text) for text in words])
         needs = sum(map(_narrowest, self.columns)) + 2
         # three blanks between two columns, or fewer before a word is broken; one at either edge
         blanks = next((some for some in (3, 2) if needs + some * gaps <= options.max_width), 1)
@@ -49,16 +52,15 @@ class FittedTable(Table):
             widths[lacks.index(max(lacks))] += 1
         for column, width in zip(self.columns, widths, strict=True):
             column.width = width if fits else None
+            for lines in (4, 3, 2) if self.is_brief and fits else ():
+                _shorten(column, [shortened(str(cell), lines * width) for cell in column.cells])
         return super().__rich_console__(console, options)
 
 
-def _shorten(columns: list[Column], longest: int) -> None:
-    """Words of texts without their middle, where cells that differ still do."""
-    for column in columns:
-        cells = [str(cell) for cell in column.cells]
-        short = [" ".join(shortened(word, longest) for word in cell.split(" ")) for cell in cells]
-        if len(set(short)) == len(set(cells)):
-            column._cells = [Text(cell) for cell in short]
+def _shorten(column: Column, texts: list[str]) -> None:
+    """Texts without a middle in place of its own, where cells that differ still do."""
+    if column.justify != "right" and len(set(texts)) == len(set(map(str, column.cells))):
+        column._cells = [Text(text) for text in texts]
 
 
 def _least(column: Column) -> int:

@@ -66,7 +66,7 @@ def screen(as_json: bool = False) -> Console:
 
 def table(
     title: str, columns: Iterable[str], rows: Iterable[Iterable[object]], numeric: Iterable[str] = (),
-    whole: Iterable[str] = (),
+    whole: Iterable[str] = (), *, is_brief: bool = False,
 ) -> Table:  # fmt: skip
     """A table of plain text; columns in `numeric` are aligned to the right, those and `whole` ones are never broken."""
     from rich.text import Text
@@ -74,7 +74,7 @@ def table(
     from selector.cli.shared.fitted_table import FittedTable
 
     right, unbroken = set(numeric), set(whole)
-    shown = FittedTable(title)
+    shown = FittedTable(title, is_brief=is_brief)
     for column in columns:
         justify: Literal["left", "right"] = "right" if column in right else "left"
         shown.add_column(Text(column), justify=justify, overflow="fold", no_wrap=column in unbroken)
@@ -225,7 +225,8 @@ def show_captioned(
 def _table_of(told: Captioned, title: str, most: int | None) -> Table:
     columns = told.table.columns
     numeric = [column.name for column in columns if column.numeric]
-    return table(title, [column.name for column in columns], told.table.rows[:most], numeric=numeric)
+    names = [column.name for column in columns]
+    return table(title, names, told.table.rows[:most], numeric=numeric, is_brief=most is not None)
 
 
 def show_findings(
