@@ -89,7 +89,7 @@ def _written(text: str) -> Structured[OrderedSet[WrittenTerm]]:
         return DefaultFormulaParser().get_terms(text)
     except (FormulaicError, SyntaxError, ValueError, RecursionError) as error:
         said = re.sub(r"\x1b\[[0-9;]*m|[⧛⧚]", "", str(error)).split("\n")[0].strip()
-        raise _refused(f"{text!r} ({said})", "a formula in Wilkinson's notation") from None
+        raise _refused(f"{text!r} ({said})", "Wilkinson's notation, names with blanks in backticks") from None
 
 
 def _plain(term: WrittenTerm, where: str) -> str:

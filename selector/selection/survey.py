@@ -19,9 +19,9 @@ from selector.selection.options import Question
 from selector.sensors.finding_table import CONSTANT_SENSOR
 from selector.types import Array
 
-FEW_MISSING = 0.01
-MOST_MISSING = 0.5
-ENOUGH_COMPLETE = 0.5
+#: Gaps that are told; below the second, a sensor costs more by its absence than the samples that its gaps cost.
+FEW_MISSING, WORTH_ITS_GAPS = 0.01, 0.05
+MOST_MISSING, ENOUGH_COMPLETE = 0.5, 0.5
 #: What is left of a sensor beyond the others must be of the size of its noise before it can be done without.
 REPLACEABLE_R2 = 0.998
 Reasons = dict[str, tuple[str, str, str]]  #: Sensor → (finding id, why it cannot be used, advice).
@@ -98,7 +98,8 @@ def _left_out_for_gaps(
     for name in sorted((n for n, share in gaps.items() if share > FEW_MISSING), key=lambda n: -gaps[n]):
         others = [other for other in gaps if other != name and other not in reasons and gaps[other] <= FEW_MISSING]
         likeness[name] = _explained(source, name, others) if others else float("nan")
-        if name not in must and (gaps[name] > MOST_MISSING or likeness[name] >= REPLACEABLE_R2):
+        is_spared = gaps[name] > WORTH_ITS_GAPS and likeness[name] >= REPLACEABLE_R2
+        if name not in must and (is_spared or gaps[name] > MOST_MISSING):
             reasons[name] = (
                 SENSOR_MISSING,
                 f"is missing in {100 * gaps[name]:.0f} % of the samples"
@@ -150,8 +151,8 @@ def _complete_share(source: RunSource, names: Sequence[str]) -> float:
 def _samples_lost(name: str, share: float, likeness: float) -> Finding:
     return FINDINGS.finding(
         "samples-lost",
-        f"{name} is missing in {100 * share:.0f} % of the samples and no other sensor can stand in for it; those "
-        f"samples are not used for sets with {name}, nor for comparing sensors.",
+        f"{name} is missing in {100 * share:.0f} % of the samples; these are not used for sets with {name}, nor for "
+        "comparing sensors.",
         Where(channel=name),
         {"missing_share": share, "explained_by_others": likeness},
         f"repair {name} and record again, or use --never {name}; --reference absolute needs no start reading",

@@ -123,6 +123,16 @@ def test_a_patchy_sensor_that_others_can_stand_in_for_costs_no_samples():
     assert one_finding(kept, "samples-lost").action == "leave-out-stretch"
 
 
+def test_a_sensor_with_small_gaps_is_worth_them_although_others_come_near():
+    def copy(run, values):
+        values["T2"] = values["T1"] * 0.8 + np.random.default_rng(1).normal(0, 0.01, len(values["T1"]))
+        values["T2"][20:30] = np.nan if run == "day2" else values["T2"][20:30]
+
+    found = surveyed(changed(machine(n_runs=3, n=100), copy))
+    assert "T2" in found.question.sensors
+    assert one_finding(found, "samples-lost").evidence["explained_by_others"] > 0.998
+
+
 def test_a_patchy_sensor_that_nothing_stands_in_for_is_kept_and_costs_its_gaps():
     source = changed(machine(n_runs=3, n=100), lose("T4", 0.1))
     # T5 has the noise of 0.15 K; what it says of T4 is not all there is
