@@ -20,7 +20,7 @@ from selector.sensors.finding_table import CONSTANT_SENSOR
 from selector.types import Array
 
 #: Gaps that are told; below the second, a sensor costs more by its absence than the samples that its gaps cost.
-FEW_MISSING, WORTH_ITS_GAPS = 0.01, 0.05
+FEW_MISSING, WORTH_ITS_GAPS = 0.01, 0.1
 MOST_MISSING, ENOUGH_COMPLETE = 0.5, 0.5
 #: What is left of a sensor beyond the others must be of the size of its noise before it can be done without.
 REPLACEABLE_R2 = 0.998
