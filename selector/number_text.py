@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
+from itertools import zip_longest
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -34,6 +35,25 @@ def number_text(value: float | None, digits: int = 3) -> str:
 def listed(names: Sequence[str], word: str = "and") -> str:
     """Names in a sentence."""
     return "".join(names) if len(names) < 2 else ", ".join(names[:-1]) + f" {word} " + names[-1]
+
+
+def shortened(name: str, longest: int) -> str:
+    """A name of so many letters at most, without its middle."""
+    return name if len(name) <= longest else f"{name[: longest // 2]}…{name[(longest // 2) + 1 - longest :]}"
+
+
+def told_apart(names: Sequence[str], longest: int) -> list[str]:
+    """Names of so many letters at most, without their middle; of those that would be alike what differs is shown."""
+    rest = {name: name for name in names}
+    for _ in names:
+        short = [shortened(text, longest) for text in rest.values()]
+        for shown in {one for one in short if short.count(one) > 1}:
+            alike = [name for name, one in zip(rest, short, strict=True) if one == shown]
+            letters = enumerate(zip_longest(*(rest[name] for name in alike)))
+            differs = next((at for at, several in letters if len(set(several)) > 1), 0)
+            start = max(rest[alike[0]].rfind(" ", 0, differs) + 1, differs - longest // 4, 1)
+            rest.update({name: f"…{rest[name][start:]}" for name in alike})
+    return [shortened(rest[name], longest) for name in names]
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:

@@ -87,7 +87,7 @@ def hover_templates(drawn: go.Figure) -> list[str]:
         ("<b>T1</b>", "&lt;b&gt;T1&lt;/b&gt;"),
         ("a & b", "a &amp; b"),
         ("line\nbreak\u202e", "line break "),
-        ("x" * 40, "x" * 27 + "…"),
+        ("x" * 40, "x" * 14 + "…" + "x" * 13),
     ],
 )
 def test_labels(name, shown):

@@ -217,7 +217,7 @@ def mismatch_map(found: Diagnosis) -> go.Figure:
             x=middles, y=list(range(len(states))), z=strip, zmin=0.0, zmax=1.0, showscale=False, yaxis="y2", ygap=2,
             colorscale=[list(stop) for stop in _STATE_SCALE], hoverinfo="skip",
         )  # fmt: skip
-        drawn.layout.yaxis2 = _rows([style.label(name, 16) for name in states], 0.0, split)
+        drawn.layout.yaxis2 = _rows(style.labels(states, 16), 0.0, split)
     axis.name_runs(drawn, seconds)
     return drawn
 

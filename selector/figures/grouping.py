@@ -98,12 +98,13 @@ def tree_changes(tree: Dendrogram, names: tuple[str, ...], cut: CutShown, *, is_
     lines = _branches(tree, cut, end)
     for k, colour in enumerate(_COLOURS):
         changes["data", k, "x"], changes["data", k, "y"] = lines.get(colour, ([], []))
+    shown = style.labels(names)
     for k, marked in enumerate((cut.chosen, cut.representatives - cut.chosen), start=len(_COLOURS)):
         rows = [row for row, i in enumerate(tree.leaf_order) if i in marked]
         changes["data", k, "x"], changes["data", k, "y"] = [end] * len(rows), rows
-        changes["data", k, "text"] = [style.label(names[tree.leaf_order[row]]) for row in rows]
+        changes["data", k, "text"] = [shown[tree.leaf_order[row]] for row in rows]
         changes["data", k, "showlegend"] = bool(rows)
-    labels = [f"<b>{style.label(names[i])}</b>" if i in cut.chosen else style.label(names[i]) for i in tree.leaf_order]
+    labels = [f"<b>{shown[i]}</b>" if i in cut.chosen else shown[i] for i in tree.leaf_order]
     at: tuple[str | int, ...] = (
         ("data", len(_COLOURS) + len(_MARKS), "text") if is_live else ("layout", "yaxis", "ticktext")
     )
@@ -203,7 +204,7 @@ def similarity_and_closure(selection: Selection) -> go.Figure:
         f"{n} sensors move in {len(groups)} group{'s' * (len(groups) != 1)} "
         f"at λ = {style.level_text(selection.grouping.chosen.level)}"
     )
-    shown = [style.label(name, _LONGEST_CELL_LABEL) for name in names]
+    shown = style.labels(names, _LONGEST_CELL_LABEL)
     labels = [f"<b>{text}</b>" if name in selection.chosen else text for name, text in zip(names, shown, strict=True)]
     longest = max(map(len, shown))
     is_turned = n > 8 or longest > 6
@@ -211,7 +212,7 @@ def similarity_and_closure(selection: Selection) -> go.Figure:
     # four decimals must fit into a cell on paper, too
     cell = 20 if n > _NUMBERS_UP_TO else 46 if n > _FOUR_DECIMALS_UP_TO else 58
     drawn = style.figure(title, 120 + cell * n + (7 * longest if is_turned else 20))
-    whole = [style.label(name) for name in names]
+    whole = style.labels(names)
     hover = [
         [f"{whole[max(i, j)]} with {whole[min(i, j)]}<br>r = {r[i, j]:.6f}<br>t = {t[i, j]:.6f}" for j in range(n)]
         for i in range(n)

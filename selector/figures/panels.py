@@ -119,8 +119,7 @@ def shown_samples(time_s: Vector, values: Vector, steps: bool = False, points: i
 
 def _range(panel: Panel) -> list[float]:
     ends = [float(extreme(line.values)) for line in panel.lines for extreme in (np.nanmin, np.nanmax)]
-    if panel.band is not None:
-        ends += panel.band
+    ends += panel.band or ()
     if panel.least is not None:
         ends.append(panel.least)
     low, high = min(ends), max(ends)
@@ -132,9 +131,10 @@ def _name_lines(drawn: go.Figure, panel: Panel, key: str, height_px: int) -> Non
     """Names to the right of the panel in the order of the lines' ends, each beside its end where there is room."""
     low, high = _range(panel)
     named = [line for line in panel.lines if line.name]
+    names = style.labels([line.name for line in named], _LONGEST_NAME)
     ends = [float(line.values[np.isfinite(line.values)][-1]) for line in named]
     order = sorted(range(len(named)), key=lambda k: ends[k])
     wanted = [height_px * (ends[k] - low) / (high - low) for k in order]
     for k, at in zip(order, style.spaced(wanted, _LABEL_PX, height_px), strict=True):
         place = {**style.BESIDE, "y": at / height_px, "yref": f"y{key} domain"}
-        style.words(drawn, style.label(named[k].name, _LONGEST_NAME), colour=named[k].colour, **place)
+        style.words(drawn, names[k], colour=named[k].colour, **place)

@@ -77,7 +77,7 @@ def machine_picture(
     # one trace for the whole body: lines end at a gap
     gap = np.full((1, 3), np.nan)
     lines = np.vstack([part for line in outline_m for part in (line, gap)] or [gap])[:-1]
-    shown = [style.label(name) for name in names]
+    shown = style.labels(names)
     for axis, view, _, across in VIEWS:
         body = lines[:0] if view in photos else lines
         style.curve(drawn, body[:, across], body[:, 2], style.BEFORE, width=1, xaxis=axis, showlegend=False)
@@ -86,7 +86,7 @@ def machine_picture(
         style.points(drawn, x, z, None, "sensor, coloured as its group (grey: alone)", "%{text}", text=shown, **common)
         look = {"symbol": "circle-open", "line": {"width": 2.5}}
         sides = _label_sides(points_m[:, [across, 2]], float((high - low).max()))
-        named = [f"<b>{style.label(name, longest)}</b>" for name in names]
+        named = [f"<b>{name}</b>" for name in style.labels(names, longest)]
         beside: dict[str, Any] = {"mode": "markers+text", "text": named, "textposition": sides}
         style.points(drawn, x, z, style.INK, "kept", size=17, marker=look, **beside, **common)
         if view in photos:

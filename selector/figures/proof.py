@@ -194,7 +194,7 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
         style.curve(drawn, [0.5, last], [value, value], colour, named, "%{fullData.name}", width=2, dash=dashes[way])
     x, y, names = zip(*single, strict=True) if single else ((), (), ())
     apart = f"single {KINDS[proof.left_out]}"
-    told = {"text": [style.label(one) for one in names], "marker": {"opacity": 0.6}}
+    told = {"text": style.labels(names), "marker": {"opacity": 0.6}}
     style.points(drawn, x, y, style.MUTED, apart, "%{text}: %{y:.3g} µm", size=5, **told)
     best = f"{BEST_OF_SIZE}, ± standard error"
     bars = {"mode": "lines+markers", "error_y": {"type": "data", "array": spread, "thickness": 1.5, "width": 5}}

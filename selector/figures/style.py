@@ -179,15 +179,18 @@ def title_text(drawn: go.Figure) -> str:
 
 def label(name: str, longest: int = LONGEST_LABEL) -> str:
     """A name as Plotly shows it letter by letter: Plotly reads text as markup, and names may hold anything."""
-    visible = "".join(letter if letter.isprintable() else " " for letter in name)
-    if len(visible) > longest:
-        visible = visible[: longest - 1] + "…"
-    return html.escape(visible, quote=False)
+    return labels([name], longest)[0]
+
+
+def labels(names: Sequence[str], longest: int = LONGEST_LABEL) -> list[str]:
+    """As `label`, of several names that stay different."""
+    visible = ["".join(letter if letter.isprintable() else " " for letter in name) for name in names]
+    return [html.escape(text, quote=False) for text in number_text.told_apart(visible, longest)]
 
 
 def listed(names: Sequence[str], most: int = 6) -> str:
     """Names in a sentence; from `most` on the rest is counted."""
-    return number_text.listed([*map(label, names[:most]), *[f"{len(names) - most} more"] * (len(names) > most)])
+    return number_text.listed([*labels(names[:most]), *[f"{len(names) - most} more"] * (len(names) > most)])
 
 
 def level_text(level: float) -> str:

@@ -63,12 +63,6 @@ def is_time(text: str) -> bool:
     return 3 < len(text) < 60 and _TIME.fullmatch(text) is not None
 
 
-def number_and_unit(text: str) -> tuple[str, str] | None:
-    """The two parts of a cell such as ``21,5 °C``, or None."""
-    match = _WITH_UNIT.fullmatch(text)
-    return (match[1], match[2].strip()) if match else None
-
-
 def folded_word(text: str) -> str:
     """A cell as it is compared with the word lists."""
     return unicodedata.normalize("NFKC", text).strip().strip("\"'").strip().lower()
@@ -80,11 +74,6 @@ def cell_kind(text: str, decimal: str) -> str:
     cell = text.strip().strip('"').strip()
     kind = _judged(cell, decimal)[1].partition(":")[0] if cell else "empty"
     return {"grouped": "number", "unit": "number", "other": "text", "bool": "text"}.get(kind, kind)
-
-
-def plain_digits(text: str) -> str:
-    """Full-width digits and typographic minus signs as ASCII."""
-    return unicodedata.normalize("NFKC", text).replace("−", "-").replace("–", "-").strip()
 
 
 Text: TypeAlias = Any  # pyarrow.Array or pyarrow.ChunkedArray of strings; pyarrow has no types
@@ -130,8 +119,7 @@ def _cast(cells: Text) -> Vector | None:
         return None
     if isinstance(values, pa.ChunkedArray):
         values = values.combine_chunks()
-    out: Vector = np.array(values.to_numpy(zero_copy_only=False), dtype=np.float64)
-    return out
+    return np.array(values.to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
 def _finite(values: Vector, notes: ColumnNotes) -> Vector:
@@ -202,7 +190,8 @@ def _word_by_word(plain: Text, decimal: str, notes: ColumnNotes) -> tuple[Vector
 
 def _judged(word: str, decimal: str) -> tuple[float, str]:
     """(value or NaN, what kind of cell it is)."""
-    cell = plain_digits(word)
+    # full-width digits and typographic minus signs, too
+    cell = unicodedata.normalize("NFKC", word).replace("−", "-").replace("–", "-").strip()
     if is_number(cell, decimal):
         return _value(cell, decimal), "number"
     folded = folded_word(word)
@@ -220,11 +209,11 @@ def _judged(word: str, decimal: str) -> tuple[float, str]:
         return BOOLEAN_WORDS[folded], "bool"
     if is_time(cell):
         return np.nan, "time"
-    parts = number_and_unit(cell)
-    if parts is not None and parse_unit(parts[1]) is not None:
+    parts = _WITH_UNIT.fullmatch(cell)
+    if parts is not None and parse_unit(unit := parts[2].strip()) is not None:
         for mark in (decimal, other):
-            if is_number(parts[0], mark):
-                return _value(parts[0], mark), "unit:" + parts[1]
+            if is_number(parts[1], mark):
+                return _value(parts[1], mark), f"unit:{unit}"
     return np.nan, "text"
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from selector.findings import Finding, Kind, known_kinds
-from selector.number_text import listed, number_text
+from selector.number_text import listed, number_text, told_apart
 from selector.telling.numbers import place_text
 
 if TYPE_CHECKING:
@@ -260,16 +260,7 @@ def _of_several(findings: Sequence[Finding]) -> Remark:
 
 def named(names: Sequence[str], most: int = MOST_NAMED) -> str:
     """Names in a sentence, of many the first ones and how many more; long ones without a middle, still different."""
-    left, longest, first = len(names) - most, LONGEST, names[:most]
-    while len({shortened(one, longest) for one in first}) < len(set(first)):
-        longest += 8
-    shown = [shortened(one, longest) for one in first]
-    return listed([*shown, f"{left} more"] if left > 0 else shown)
-
-
-def shortened(name: str, longest: int) -> str:
-    """A name of so many letters at most, without its middle."""
-    return name if len(name) <= longest else f"{name[: longest // 2]}…{name[(longest // 2) + 1 - longest :]}"
+    return listed([*told_apart(names[:most], LONGEST), *[f"{len(names) - most} more"] * (len(names) > most)])
 
 
 def section(id_: str, title: str, *blocks: Block | None, link: str = "", on_paper: bool = True) -> Section | None:

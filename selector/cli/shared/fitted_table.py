@@ -6,7 +6,7 @@ from rich.console import Console, ConsoleOptions, RenderResult
 from rich.table import Column, Table
 from rich.text import Text
 
-from selector.telling.account import shortened
+from selector.number_text import shortened
 
 #: Widths down to which words of a text column, and of the heading of numbers, are broken before numbers are.
 _LEAST_TEXT, _LEAST_HEADING = 12, 6

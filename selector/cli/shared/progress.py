@@ -28,7 +28,7 @@ def progress_bar(*, spoken: bool = False) -> Iterator[Progress]:
     from rich.progress import Progress as Bar
 
     console = Console(stderr=True)
-    if _wants_lines():
+    if os.environ.get(VARIABLE) == "lines":
         yield _lines()
     elif console.is_terminal:
         columns = (BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
@@ -79,10 +79,6 @@ def _spoken() -> Iterator[Progress]:
         speaker.join()
 
 
-def _wants_lines() -> bool:
-    return os.environ.get(VARIABLE) == "lines"
-
-
 def _lines() -> Progress:
     last: tuple[str, float] = ("", -1.0)
 
@@ -102,7 +98,7 @@ def _lines() -> Progress:
 @contextmanager
 def fleet_progress() -> Iterator[Callable[[str, Any, int, int], None]]:
     """``tell(machine, answer, ended, all)`` while the block runs: a line a machine."""
-    say = _lines() if _wants_lines() else None
+    say = _lines() if os.environ.get(VARIABLE) == "lines" else None
 
     def tell(machine: str, answer: Any, ended: int, total: int) -> None:
         if say is not None:
