@@ -45,10 +45,11 @@ def shortened(name: str, longest: int) -> str:
 def told_apart(names: Sequence[str], longest: int) -> list[str]:
     """Names of so many letters at most, without their middle; of those that would be alike what differs is shown."""
     rest = {name: name for name in names}
-    for _ in names:
-        short = [shortened(text, longest) for text in rest.values()]
-        for shown in {one for one in short if short.count(one) > 1}:
-            alike = [name for name, one in zip(rest, short, strict=True) if one == shown]
+    for _ in range(9):
+        groups: dict[str, list[str]] = {}
+        for name, text in rest.items():
+            groups.setdefault(shortened(text, longest), []).append(name)
+        for alike in [several for several in groups.values() if len(several) > 1]:
             letters = enumerate(zip_longest(*(rest[name] for name in alike)))
             differs = next((at for at, several in letters if len(set(several)) > 1), 0)
             start = max(rest[alike[0]].rfind(" ", 0, differs) + 1, differs - longest // 4, 1)

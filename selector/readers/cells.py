@@ -3,6 +3,7 @@
 import functools
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
@@ -286,11 +287,10 @@ class Layout:
         names = [] if self.names is None else list(rows[self.names])
         if self.above is None:
             return names
-        found, over, gaps = [], "", _is_filled_up(rows[self.above], names)
+        found, over, gaps, twice = [], "", _is_filled_up(rows[self.above], names), _repeated(names)
         for upper, name in zip_longest(rows[self.above], names, fillvalue=""):
             over = upper or over
-            joined = f"{over} {name}".strip() if gaps or names.count(name) > 1 else name
-            found.append(joined if name else upper)
+            found.append((f"{over} {name}".strip() if gaps or name in twice else name) if name else upper)
         return found
 
 
@@ -388,7 +388,7 @@ def layout(
 
 
 def _repeated(names: Sequence[str]) -> set[str]:
-    return {name for name in names if name and names.count(name) > 1}
+    return {name for name, times in Counter(names).items() if name and times > 1}
 
 
 def _first_sample(rows: Sequence[Sequence[str]], kinds: Sequence[str], decimal: str, start: int) -> int | None:

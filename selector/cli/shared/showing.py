@@ -178,8 +178,7 @@ def show_answer(console: Console, account: Account, findings: Iterable[Finding],
     while not everything:
         with console.capture() as whole:
             show(room, most)
-        over = whole.get().count("\n") - MOST_SCREEN
-        if over <= 0 or most == LEAST_FINDINGS:
+        if whole.get().count("\n") <= MOST_SCREEN or most == LEAST_FINDINGS:
             break
         room, most = (max(room - 1, MOST_ROWS_IN_BRIEF), most) if room > MOST_ROWS_IN_BRIEF else (room, most - 1)
     show(room, most)
@@ -225,8 +224,7 @@ def show_captioned(
 def _table_of(told: Captioned, title: str, most: int | None) -> Table:
     columns = told.table.columns
     numeric = [column.name for column in columns if column.numeric]
-    names = [column.name for column in columns]
-    return table(title, names, told.table.rows[:most], numeric=numeric, is_brief=most is not None)
+    return table(title, [column.name for column in columns], told.table.rows[:most], numeric, is_brief=most is not None)
 
 
 def show_findings(
