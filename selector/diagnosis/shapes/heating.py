@@ -9,7 +9,7 @@ from numba import njit
 from scipy.ndimage import uniform_filter1d
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import by_run, course, excited, lagged, rate, rise, time_constants
+from selector.diagnosis.shapes.signals import by_movement, by_run, course, excited, lagged, rate, rise, time_constants
 from selector.quality.survey import duration
 from selector.recording import Channel
 from selector.types import Matrix, Vector
@@ -31,7 +31,7 @@ _SENSED = ("temperature", "ambient")
 
 @dataclass(frozen=True)
 class Sources:
-    """Names of the channels that move, by what they do to the machine's heat."""
+    """Names of the channels that move, by what they do to the machine's heat; what moves most stands first."""
 
     spindle: str | None  #: The spindle speed
     hall: tuple[str, ...]  #: Temperatures of the surroundings
@@ -48,9 +48,8 @@ def sources(comparison: Comparison, response: str) -> Sources:
     """What heats, cools or surrounds the machine of this comparison, as far as it was recorded and moves."""
     # the steps of what is switched or set are no resolution
     grain = {c.name: comparison.resolution.get(c.name, 0.0) * (c.role in _SENSED) for c in comparison.channels}
-    moving = [
-        c for c in comparison.channels if c.name != response and excited(course(comparison, c.name), grain[c.name])
-    ]
+    known = {c.name: c for c in comparison.channels if c.name != response}
+    moving = [known[n] for n in by_movement(comparison, known) if excited(course(comparison, n), grain[n])]
     warm = [channel for channel in moving if channel.role == "temperature"]
     switched = [channel for channel in moving if channel.role in _SWITCHED and channel.name not in comparison.responses]
     coolant = [channel for channel in switched if _says(channel, _COOLANT)]

@@ -16,10 +16,10 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import (
     EvenRun,
+    by_movement,
     by_run,
     course,
     even_runs,
-    excited,
     no_vibration,
     of_a_drive,
     on_even_clock,
@@ -94,9 +94,8 @@ def filter_between(comparison: Comparison, source: str, response: str) -> Linear
 
 def inputs(comparison: Comparison, response: str) -> tuple[str, ...]:
     """Channels that may drive the response, likeliest first: recorded ones, and what only the simulation has."""
-    names = [name for role in INPUT_ROLES for name in comparison.with_role(role)]
-    names += [name for name in comparison.simulated if name not in comparison.recorded]
-    moving = [name for name in names if name != response and excited(course(comparison, name))]
+    alike = [*map(comparison.with_role, INPUT_ROLES), [n for n in comparison.simulated if n not in comparison.recorded]]
+    moving = [name for names in alike for name in by_movement(comparison, names) if name != response]
     return tuple(moving[:4])
 
 
@@ -396,9 +395,8 @@ _member_known: WeakKeyDictionary[Comparison, dict[tuple[str, str], LinearRespons
 
 def members(comparison: Comparison, response: str) -> tuple[str, ...]:
     """Other channels that are motions of members: responses first."""
-    names = [c.name for c in comparison.channels if c.role in _MOTION and c.name != response]
-    names.sort(key=lambda name: name not in comparison.responses)
-    return tuple(n for n in names if excited(comparison.filled(comparison.recorded[n])))[:_MOST]
+    names = by_movement(comparison, (c.name for c in comparison.channels if c.role in _MOTION and c.name != response))
+    return tuple(sorted(names, key=lambda name: name not in comparison.responses))[:_MOST]
 
 
 JOINT_ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")

@@ -1,6 +1,6 @@
 """Courses made of recorded courses, run by run, the even clock they need, and what kind of record they stand in."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,15 @@ def by_run(comparison: Comparison, made: Callable[..., Vector], *courses: Vector
 def course(comparison: Comparison, name: str) -> Vector:
     """The recorded channel without holes, in its canonical unit; of a channel that is only simulated, that."""
     return comparison.filled(comparison.recorded[name] if name in comparison.recorded else comparison.simulated[name])
+
+
+def by_movement(comparison: Comparison, names: Iterable[str]) -> list[str]:
+    """The channels that move [each in its unit], those that move most first: where some are looked at, it is these.
+
+    In what order a file has its columns says nothing.
+    """
+    spread = {name: float(np.std(course(comparison, name))) for name in names}
+    return sorted((n for n in spread if excited(course(comparison, n))), key=lambda name: -spread[name])
 
 
 def rise(comparison: Comparison, values: Vector, *, over_samples: int = 5) -> Vector:

@@ -62,7 +62,7 @@ def test_channels_are_taken_for_what_role_and_words_say():
     assert found.hall == ("Ta", "T0")
     assert found.machine == ("T1",)
     assert (found.coolant_switches, found.coolant_temperatures) == (("P2",), ("Tc",))
-    assert found.other_heat == ("P1", "F", "I")
+    assert set(found.other_heat) == {"P1", "F", "I"}
 
 
 def test_what_warms_when_it_is_switched_on_is_coolant_only_if_somebody_says_so():

@@ -11,7 +11,7 @@ from selector.diagnosis.effects.thermal._wording import delay_of, late, told, wi
 from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, switched_on, temperature_rise
 from selector.diagnosis.shapes.signals import course, excited, in_run, scaled, time_constants
 
-_MOST_SENSORS = 2
+_MOST_SENSORS = 8
 _MOST_LEVELS = 8
 _COLDER = (-np.inf, 0.0)
 
