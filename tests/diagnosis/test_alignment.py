@@ -234,6 +234,25 @@ def test_copies_are_told_and_inputs_left_out():
     assert [f.level for f in asked.findings] == ["warning"]
 
 
+def test_readings_that_a_simulation_hands_back_on_its_own_clock_are_inputs():
+    rec, sim = pair()
+    time = rec.time_s("a")
+    own = np.arange(time[0], time[-1], 1.7 * np.median(np.diff(time)))
+    z = {run: (rec.values(run, ["Z"])[:, 0], sim.values(run, ["Z"])[:, 0]) for run in "abc"}
+    warmth = {run: 20 + noisy(200, 9 + k).round(1) for k, run in enumerate("abc")}
+    recorded = recording({run: (time, {"Z": z[run][0], "T1": warmth[run]}) for run in "abc"}, (Z, T))
+
+    def compared(off_k):
+        courses = {run: [np.interp(own, time, values) for values in (z[run][1], warmth[run])] for run in "abc"}
+        given = {run: (own, {"Z": at_own, "T1": t.round(3) + off_k}) for run, (at_own, t) in courses.items()}
+        return comparison_of(recorded, recording(given, (Z, T)))
+
+    assert compared(0.0).responses == ("Z",)
+    assert ("input-of-simulation", "T1") in [(f.id, f.where.channel) for f in compared(0.0).findings]
+    # what is off by more than the rounding of the readings, 0.1 K, was computed
+    assert compared(0.1).responses == ("Z", "T1")
+
+
 @settings(max_examples=30)
 @given(step=st.sampled_from([0.001, 0.05, 0.1, 0.5, 5.0]), offset=st.floats(-1e3, 1e3), seed=st.integers(0, 10**6))
 def test_resolution_is_the_grid_of_the_readings(step, offset, seed):

@@ -11,7 +11,7 @@ from selector.diagnosis.comparison import Comparison, read_only
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.following_errors import with_following_errors
 from selector.diagnosis.matching.runs import exchanged_runs
-from selector.diagnosis.matching.usable import at_readings, without_codes, without_extremes, without_useless
+from selector.diagnosis.matching.usable import at_readings, rounding, without_codes, without_extremes, without_useless
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.number_text import natural_key
@@ -215,8 +215,28 @@ def comparison_of(
     comparison = with_following_errors(without_extremes(comparison))
     steps = {name: resolution(values) for name, values in comparison.recorded.items()}
     comparison = at_readings(replace(comparison, resolution=steps))
-    usable = without_useless(comparison, asked=responses is not None)
+    usable = without_useless(comparison, _handed_back(recording, simulation, at, shared), asked=responses is not None)
     return replace(usable, findings=(*usable.findings, *exchanged_runs(usable)))
+
+
+def _handed_back(
+    recording: Recording, simulation: Recording, at: Mapping[str, Vector], names: Sequence[str]
+) -> frozenset[str]:
+    """Channels whose simulated values are readings, or on a line between two, wherever the simulation has one.
+
+    At the recorded times such a channel is off by the noise of the readings, like one that was computed well. `at` is
+    run → recorded times on the simulation's clock, shape (n_rows,) [s].
+    """
+    found = set()
+    for name in names:
+        recorded, simulated = (np.concatenate([of.values(run, [name]) for run in at]) for of in (recording, simulation))
+        clocks = ((run, simulation.time_s(run) - at_s[0] + recording.time_s(run)[0]) for run, at_s in at.items())
+        read = np.concatenate([_read_at(recording, run, [name], stamps_s, 0.0) for run, stamps_s in clocks])
+        step = max(resolution(recorded), min(resolution(simulated), _SEEN * _noise(recorded[:, 0])))
+        off = np.abs(simulated - read)[np.isfinite(simulated - read)]
+        if len(off) and off.max() <= rounding(recorded, step):
+            found.add(name)
+    return frozenset(found)
 
 
 def resolution(values: Vector) -> float:

@@ -1,6 +1,6 @@
 """Which readings are computed with, and what makes a comparison no basis for an answer."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 
 import numpy as np
@@ -130,18 +130,20 @@ _SAME = 1e-8
 _OF_SUMS = 1e-12  #: Of the largest reading: what is left of differences by sums in double precision.
 
 
-def without_useless(comparison: Comparison, *, asked: bool) -> Comparison:
+def without_useless(comparison: Comparison, handed_back: Set[str], *, asked: bool) -> Comparison:
     """The comparison without responses from which nothing can be learned, and why, as findings.
 
-    Where the user `asked` for the responses it is a warning that one is a mere input of the simulation.
+    Mere inputs are the copies, and what the simulation has `handed_back` on a clock of its own. Where the user `asked`
+    for the responses it is a warning that one is a mere input.
 
     Raises InputError: no response is left, or one is in another unit in the simulation.
     """
     findings, kept = list(comparison.findings), []
-    copies = set(identical_responses(comparison))
+    copies = identical_responses(comparison)
+    inputs = handed_back.union(copies)
     for name in comparison.responses:
         reason = _reason(comparison, name)
-        if reason is None and name in copies and len(copies) < len(comparison.responses):
+        if reason is None and name in inputs and not inputs.issuperset(comparison.responses):
             # what the simulation was given, it hands back
             level: Level = "warning" if asked else "info"
             findings.append(_told("input-of-simulation", level, name, "is in the simulation as it was recorded"))
@@ -201,11 +203,16 @@ def identical_responses(comparison: Comparison) -> tuple[str, ...]:
     same = []
     for name in comparison.responses:
         difference = _seen(comparison.difference(name))
-        rounding = max(_ROUNDED * comparison.resolution.get(name, 0.0), _SAME * _size(comparison, name))
+        largest = rounding(comparison.recorded[name], comparison.resolution.get(name, 0.0))
         # a noisy recording never lies within half a step of a smooth course throughout
-        if len(difference) and np.abs(difference).max() <= rounding:
+        if len(difference) and np.abs(difference).max() <= largest:
             same.append(name)
     return tuple(same)
+
+
+def rounding(readings: Vector, step: float) -> float:
+    """The most by which a reading and the same in another file are apart, by the `step` of them and finite digits."""
+    return max(_ROUNDED * step, _SAME * float(np.abs(_seen(readings)).max(initial=0.0)))
 
 
 def rounding_of(comparison: Comparison, response: str) -> float:
