@@ -14,6 +14,7 @@ from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
+from tests.diagnosis.made import comparison as three_runs
 
 N = 600
 TIME = np.tile(np.arange(N, dtype=float) * 10.0, 3)
@@ -158,3 +159,23 @@ def test_a_response_that_is_the_recording_itself_does_not_stop_the_others():
     answer = diagnosis(both, effects=[effect("thermal.memory", COURSES["x.square"])])
     assert [(one.id, one.channels) for one in answer.effects] == [("thermal.memory", ("Z",))]
     assert answer.fit["Y"].heldout.rmse_before == 0.0
+
+
+def test_what_is_clear_in_one_response_hides_nothing_in_another():
+    rng = np.random.default_rng(1)
+    n = 1080
+    machine = three_runs({"Z": np.zeros(n), "Y": np.zeros(n)})
+    at_once = (machine.recorded["n"] / 3000.0) ** 2
+    step = (machine.run_index == 1) & (machine.time_s > 5000.0)
+    # seen: the shift gains more than ten times as much in Y as the step in Z
+    moved = {"Z": 0.4 * step, "Y": -12.0 * at_once}
+    readings = {name: machine.recorded[name] + course + 0.5 * rng.standard_normal(n) for name, course in moved.items()}
+    record = replace(machine, recorded={**machine.recorded, **readings})
+    alone = diagnosis(replace(record, responses=("Z",)))
+    both = diagnosis(record)
+    assert [effect.id for effect in alone.effects] == ["data.step"]
+    assert {effect.id: effect.channels for effect in both.effects} == {
+        "thermal.instant_speed": ("Y",),
+        "data.step": ("Z",),
+    }
+    assert both.effects[1].confidence == pytest.approx(alone.effects[0].confidence, abs=0.02)

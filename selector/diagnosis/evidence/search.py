@@ -336,14 +336,15 @@ def _left(bench: Bench, chosen: list[int]) -> Vector:
 
 def _selected(benches: Benches, given: _Given) -> Named:
     named: Named = {}
-    clearest = 0.0
+    # a shape is not exact where the effect shows: how clear it is in one response bears on no other
+    floor = dict.fromkeys(benches, 0.0)
     for _ in range(_MOST):
-        standing, floor = given.standings(benches, named), _TRIFLE * clearest
-        supported = [one for one in standing.values() if given.supports(one) and one.score > floor]
+        standing = [one for one in given.standings(benches, named).values() if given.supports(one)]
+        supported = [one for one in standing if any(one.tested[name].evidence > floor[name] for name in one.responses)]
         if not supported:
             break
         best = max(supported, key=lambda one: one.score)
-        clearest = max(clearest, best.score)
+        floor |= {name: max(floor[name], _TRIFLE * best.tested[name].evidence) for name in best.responses}
         named[best.id] = best.chosen
         named = _retested(benches, named, given)
         if best.id not in named:
