@@ -183,6 +183,8 @@ _MOST_ROWS = 1500
 _OWN_LAGS = 10
 _OTHER_LAGS = 4
 _CALM_S = 1800.0
+_WARM_START_K = 1.0
+EARLIER = "what was left of earlier heat"  #: Name of the column of `warm_starts` that falls.
 _MOST_SENSORS = 8
 _LEFT_BY_SENSORS = 0.01
 
@@ -232,8 +234,11 @@ def spindle_law(comparison: Comparison, response: str) -> SpindleLaw | None:
     target = simulated_rise(comparison, response)
     if name is None or float(np.std(target)) <= 0.0:
         return None
-    others = _surroundings(comparison, response)
-    rows = _every(comparison)
+    others, warmth, rows = _surroundings(comparison, response), warm_starts(comparison, response), _every(comparison)
+    if np.any(warmth):
+        # what has risen since a warm start is less than what was there, and what is left of that falls
+        left = [warmth * np.exp(-comparison.time_s / tau_s) for tau_s in time_constants(comparison, _OTHER_LAGS)]
+        others = np.column_stack([others, warmth, *left])
     without = float(np.mean((target[rows] - others[rows] @ _ridge(others[rows], target[rows])) ** 2))
     tau_s = np.concatenate([[0.0], time_constants(comparison, _OWN_LAGS)])
     tried = {p: _fit(comparison, name, p, tau_s, others, target) for p in EXPONENTS}
@@ -320,6 +325,23 @@ def _cooled_by_coolant(comparison: Comparison, response: str) -> list[Vector]:
         for name in known.coolant_switches
         for tau_s in time_constants(comparison, 6)[1::2]
     ]
+
+
+@lru_cache(maxsize=32)
+def warm_starts(comparison: Comparison, response: str) -> Vector:
+    """How much farther apart the machine's sensors were at the start of a run than at the calmest start [K], (n_rows,).
+
+    0 in all rows where no run began with them apart by more than a kelvin.
+    """
+    names, result = sources(comparison, response).machine, np.zeros(len(comparison.time_s))
+    if len(names) < 2:
+        return result
+    for _, rows in comparison.rows_of_runs():
+        first = [comparison.recorded[name][rows][:5] for name in names]
+        seen = [float(np.nanmedian(part)) for part in first if np.isfinite(part).any()]
+        result[rows] = np.ptp(seen) if len(seen) == len(names) else np.nan
+    apart = np.nan_to_num(result - np.nanmin(result)) if np.isfinite(result).any() else 0.0 * result
+    return apart if apart.max() > _WARM_START_K else np.zeros(len(apart))
 
 
 @lru_cache(maxsize=32)

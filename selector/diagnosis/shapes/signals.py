@@ -71,11 +71,6 @@ def rate(comparison: Comparison, values: Vector, *, over_samples: int = 1) -> Ve
     return result
 
 
-def start_decay(comparison: Comparison, tau_s: float) -> Vector:
-    """exp(−t/τ) from the start of every run: what is left of a state that did not start at rest."""
-    return np.asarray(np.exp(-comparison.time_s / tau_s))
-
-
 def time_constants(comparison: Comparison, n: int = 8) -> Vector:
     """Time constants worth trying [s], even in their logarithm: from 4 samples to the length of the longest run."""
     low = max(4.0 * comparison.period_s, comparison.longest_s / 200.0)

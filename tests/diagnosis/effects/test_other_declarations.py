@@ -10,6 +10,7 @@ import pytest
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.shapes.heating import spindle_law
 from selector.diagnosis.shapes.linear_response import inputs, members
 from selector.recording import Channel
 from tests.diagnosis.effects.heated_machine import Physics, comparison_of, recorded, simulation
@@ -58,6 +59,15 @@ def zeroed_elsewhere(comparison: Comparison) -> Comparison:
     return replace(comparison, recorded=recorded_so, simulated={n: comparison.simulated[n] + 41.7 for n in names})
 
 
+def cut_in_two(comparison: Comparison) -> Comparison:
+    """The first run as two, of which the second begins with the machine as warm as it is then."""
+    end, time_s = comparison.starts[1], np.array(comparison.time_s)
+    half = end // 2
+    time_s[half:end] -= time_s[half]
+    runs, starts = ("r1a", "r1b", *comparison.runs[1:]), (0, half, *comparison.starts[1:])
+    return replace(comparison, runs=runs, starts=starts, time_s=time_s)
+
+
 def shapes(comparison: Comparison, response: str) -> dict[str, np.ndarray]:
     """Effect → what every column, beside an offset, makes of one course, without its sign, in ascending order."""
     course = np.random.default_rng(3).normal(size=len(comparison.time_s))
@@ -103,3 +113,16 @@ def test_of_many_forces_and_members_those_that_move_most_are_looked_at() -> None
     for comparison in (shaken, in_other_order(shaken)):
         assert inputs(comparison, "a0") == ("F4", "F3", "F2", "F1")
         assert members(comparison, "a0") == ("a4", "a3", "a2")
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.4, 2.0])
+def test_the_law_of_speed_is_the_same_in_a_run_that_is_cut_in_two(exponent: float) -> None:
+    hall = Physics(hall=1.0)
+    whole = comparison_of(recorded(hall, 1), recorded(replace(hall, law=((1.0, exponent),)), 1))
+    for response in ("Z", "Y"):
+        one, two = spindle_law(whole, response), spindle_law(cut_in_two(whole), response)
+        assert one is not None
+        assert two is not None
+        # seen: 0.01; 0.4 to 1.6 where the half that begins warm counts as cold
+        assert two.exponent == pytest.approx(one.exponent, abs=0.03)
+        assert two.share > 0.999

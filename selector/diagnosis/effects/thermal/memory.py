@@ -9,6 +9,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, told, with_place
 from selector.diagnosis.shapes.heating import (
+    EARLIER,
     lacking,
     rise_parts,
     simulated_rise,
@@ -16,16 +17,16 @@ from selector.diagnosis.shapes.heating import (
     speed_power,
     spindle_law,
     temperature_rise,
+    warm_starts,
 )
-from selector.diagnosis.shapes.signals import excited, quick_time_constants, start_decay, time_constants
+from selector.diagnosis.shapes.signals import excited, quick_time_constants, time_constants
 from selector.types import Vector
 
 _MOST_SENSORS = 3
-_WARM_START_K = 1.0
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    taus = time_constants(comparison, 10)
+    taus, warmth = time_constants(comparison, 10), warm_starts(comparison, response)
     for name, words, heat in _heats(comparison, response):
         # runs may begin at different levels of the simulated course, and settled there
         of_course = partial(late, comparison, name, settled=name == response)
@@ -37,9 +38,9 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         if comparison.channel(name).role == "temperature" and name != response:
             for tau_s in taus[3::2]:
                 yield late(comparison, name, [(words, heat, 0.0), (words, heat, tau_s)], taus_s=(tau_s,))
-        if _warm_start(comparison, response):
+        if np.any(warmth):
             for tau_s in taus[4::2]:
-                earlier = "what was left of earlier heat", start_decay(comparison, float(tau_s)), 0.0
+                earlier = EARLIER, warmth * np.exp(-comparison.time_s / tau_s), 0.0
                 yield of_course([(words, heat, tau_s), earlier], taus_s=(tau_s,))
 
 
@@ -69,24 +70,9 @@ def _carried(comparison: Comparison, response: str, simulated: Vector) -> list[s
     return [name for likeness, name in sorted(near, reverse=True) if likeness > 0.5][:_MOST_SENSORS]
 
 
-def _warm_start(comparison: Comparison, response: str) -> bool:
-    """Whether a run began with the machine's sensors apart by more than at the calmest start."""
-    names = sources(comparison, response).machine
-    if len(names) < 2 or len(comparison.runs) < 2:
-        return False
-    starts = [
-        float(np.ptp([np.nanmedian(comparison.recorded[name][rows][:5]) for name in names]))
-        for _, rows in comparison.rows_of_runs()
-        if all(np.isfinite(comparison.recorded[name][rows][:5]).any() for name in names)
-    ]
-    return len(starts) > 1 and max(starts) - min(starts) > _WARM_START_K
-
-
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lack = lacking(comparison, response)
-    if lack is None and not excited(simulated_rise(comparison, response)):
-        return f"the simulated {response} does not move: there is no heating that it could remember"
-    return lack
+    lack = f"the simulated {response} does not move: there is no heating that it could remember"
+    return lacking(comparison, response) or (None if excited(simulated_rise(comparison, response)) else lack)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

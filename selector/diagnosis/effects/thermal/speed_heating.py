@@ -8,6 +8,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import late, place_of, told
 from selector.diagnosis.shapes.heating import (
+    EARLIER,
     EXPONENTS,
     SpindleLaw,
     lacking,
@@ -15,15 +16,17 @@ from selector.diagnosis.shapes.heating import (
     speed_power,
     spindle_law,
     top_speed_rpm,
+    warm_starts,
 )
-from selector.diagnosis.shapes.signals import course, time_constants
+from selector.diagnosis.shapes.signals import time_constants
+from selector.types import Vector
 
 _APART = 0.2
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     name, law = sources(comparison, response).spindle or "", spindle_law(comparison, response)
-    yield from _lacking_heat(comparison, name) if law is None else _other_law(comparison, name, law)
+    yield from _lacking_heat(comparison, name) if law is None else _other_law(comparison, response, name, law)
 
 
 def _lacking_heat(comparison: Comparison, name: str) -> Iterator[Variant]:
@@ -36,23 +39,26 @@ def _lacking_heat(comparison: Comparison, name: str) -> Iterator[Variant]:
             yield late(comparison, name, parts, shape, place=place)
 
 
-def _other_law(comparison: Comparison, name: str, law: SpindleLaw) -> Iterator[Variant]:
+def _other_law(comparison: Comparison, response: str, name: str, law: SpindleLaw) -> Iterator[Variant]:
     """The simulation's own lags, fed with another power of the speed, or only above a speed."""
-    place = place_of(comparison, name) or "spindle bearings"
+    place, warmth = place_of(comparison, name) or "spindle bearings", warm_starts(comparison, response)
+    lags = time_constants(comparison, 5)[2:] if np.any(warmth) else ()
+    earlier = [((), ()), *(((warmth * np.exp(-comparison.time_s / tau_s),), (EARLIER,)) for tau_s in lags)]
+
+    def of_heat(words: str, heat: Vector, shape: dict[str, Quantity], regime: str | None = None) -> Iterator[Variant]:
+        column = law.course(comparison, heat)
+        for left, said in earlier:
+            names = (f"{words} with the simulation's own delays", *said)
+            yield Variant(np.column_stack([column, *left]), names, shape, place=place, sources=(name,), regime=regime)
+
     for exponent in EXPONENTS:
-        if abs(exponent - law.exponent) < _APART:
-            continue
-        column = law.course(comparison, speed_power(comparison, name, exponent))
-        words = (f"{name}^{exponent:g} with the simulation's own delays",)
-        shape = {"speed_exponent": Quantity(exponent, "1")}
-        yield Variant(column[:, None], words, shape, place=place, sources=(name,))
-    top = top_speed_rpm(comparison, name)
-    speed = np.abs(course(comparison, name))
-    for level in _thresholds(speed / top):
-        column = law.course(comparison, np.maximum(speed / top - level, 0.0))
-        words = (f"{name} above {level * top:.0f} rpm, with the simulation's own delays",)
-        shape, regime = {"from_speed": Quantity(level * top, "rpm")}, f"{name} > {level * top:.0f} rpm"
-        yield Variant(column[:, None], words, shape, place=place, sources=(name,), regime=regime)
+        if abs(exponent - law.exponent) >= _APART:
+            shape = {"speed_exponent": Quantity(exponent, "1")}
+            yield from of_heat(f"{name}^{exponent:g}", speed_power(comparison, name, exponent), shape)
+    top, part = top_speed_rpm(comparison, name), speed_power(comparison, name, 1.0)
+    for level in _thresholds(part):
+        shape, above = {"from_speed": Quantity(level * top, "rpm")}, f"{level * top:.0f} rpm"
+        yield from of_heat(f"{name} above {above},", np.maximum(part - level, 0.0), shape, f"{name} > {above}")
 
 
 def _thresholds(part: np.ndarray) -> list[float]:
@@ -64,18 +70,13 @@ def _thresholds(part: np.ndarray) -> list[float]:
 
 def _testable(comparison: Comparison, response: str) -> str | None:
     lack, name = lacking(comparison, response), sources(comparison, response).spindle
-    if lack is None and name is None:
-        return "no spindle speed that changes was recorded"
-    if lack is None and name and spindle_law(comparison, response) is not None and _speeds(comparison, name) < 2:
-        return "the spindle turned at one speed only, which shows no law of speed"
-    return lack
-
-
-def _speeds(comparison: Comparison, name: str) -> int:
-    """Number of speeds, apart by a tenth of the highest, that took at least 3 % of the time it turned."""
-    part = np.abs(course(comparison, name)) / max(top_speed_rpm(comparison, name), 1e-300)
+    if lack is not None or name is None:
+        return lack or "no spindle speed that changes was recorded"
+    part = speed_power(comparison, name, 1.0)
+    # speeds apart by a tenth of the highest that took at least 3 % of the time it turned
     counts = np.histogram(part[part > 0.05], bins=np.arange(0.05, 1.16, 0.1))[0]
-    return int(np.sum(counts > 0.03 * max(counts.sum(), 1)))
+    is_one = np.sum(counts > 0.03 * max(counts.sum(), 1)) < 2 and spindle_law(comparison, response) is not None
+    return "the spindle turned at one speed only, which shows no law of speed" if is_one else None
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
