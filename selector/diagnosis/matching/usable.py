@@ -1,6 +1,6 @@
 """Which readings are computed with, and what makes a comparison no basis for an answer."""
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -130,7 +130,7 @@ _SAME = 1e-8
 _OF_SUMS = 1e-12  #: Of the largest reading: what is left of differences by sums in double precision.
 
 
-def without_useless(comparison: Comparison, handed_back: Set[str], *, asked: bool) -> Comparison:
+def without_useless(comparison: Comparison, handed_back: frozenset[str], *, asked: bool) -> Comparison:
     """The comparison without responses from which nothing can be learned, and why, as findings.
 
     Mere inputs are the copies, and what the simulation has `handed_back` on a clock of its own. Where the user `asked`
@@ -210,18 +210,14 @@ def identical_responses(comparison: Comparison) -> tuple[str, ...]:
     return tuple(same)
 
 
-def rounding(readings: Vector, step: float) -> float:
+def rounding(readings: Vector, step: float = 0.0) -> float:
     """The most by which a reading and the same in another file are apart, by the `step` of them and finite digits."""
     return max(_ROUNDED * step, _SAME * float(np.abs(_seen(readings)).max(initial=0.0)))
 
 
 def rounding_of(comparison: Comparison, response: str) -> float:
     """What sums of numbers as large as the readings cannot tell from nothing [unit of the response]."""
-    return _OF_SUMS * _size(comparison, response)
-
-
-def _size(comparison: Comparison, response: str) -> float:
-    return float(np.abs(_seen(comparison.recorded[response])).max(initial=0.0))
+    return _OF_SUMS * float(np.abs(_seen(comparison.recorded[response])).max(initial=0.0))
 
 
 def _reason(comparison: Comparison, name: str) -> str | None:
@@ -254,25 +250,18 @@ def _require_same_unit(comparison: Comparison, name: str) -> None:
         return
     gain = float(y @ y / (x @ y))
     for factor, units in _UNIT_FACTORS.items():
-        for times in (factor, 1.0 / factor):
-            if abs(gain / times - 1.0) < 0.15:
-                raise InputError(
-                    f"what was recorded of {name} is {gain:.4g} times what was simulated, as between {units}",
-                    expected="the same unit in both",
-                    where=f"channel {name!r} of the simulation",
-                    advice="convert the simulated column to the unit that the machine file says, or correct that",
-                )
+        if min(abs(gain / factor - 1.0), abs(gain * factor - 1.0)) < 0.15:
+            raise InputError(
+                f"what was recorded of {name} is {gain:.4g} times what was simulated, as between {units}",
+                expected="the same unit in both",
+                where=f"channel {name!r} of the simulation",
+                advice="convert the simulated column to the unit that the machine file says, or correct that",
+            )
 
 
 def _told(id_: str, level: Level, name: str, clause: str) -> Finding:
-    return FINDINGS.finding(
-        id_,
-        f"{name} is not compared: it {clause}.",
-        Where(channel=name),
-        {},
-        "" if level == "info" else "check the recording and the file",
-        level=level,
-    )
+    statement, advice = f"{name} is not compared: it {clause}.", "check the recording and the file"
+    return FINDINGS.finding(id_, statement, Where(channel=name), {}, "" if level == "info" else advice, level=level)
 
 
 def _seen(values: Vector) -> Vector:
@@ -310,11 +299,8 @@ def without_fitted_difference(comparison: Comparison) -> tuple[str, ...]:
     """Responses of which nothing can be fitted: copies, and those that differ from one on held-out rows only."""
     copies = identical_responses(comparison)
     fitted = {name: _seen(comparison.difference(name)[~comparison.held_out]) for name in comparison.responses}
-    return tuple(
-        name
-        for name, left in fitted.items()
-        if name in copies or np.abs(left).max(initial=0.0) <= _SAME * _size(comparison, name)
-    )
+    least = {name: np.inf if name in copies else rounding(comparison.recorded[name]) for name in fitted}
+    return tuple(name for name, left in fitted.items() if np.abs(left).max(initial=0.0) <= least[name])
 
 
 def diagnosis_of_copy(comparison: Comparison, *, seed: int = 0) -> Diagnosis:

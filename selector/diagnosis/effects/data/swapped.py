@@ -9,26 +9,8 @@ from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, 
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.residual import exchanged, weights_of_readings
 from selector.diagnosis.shapes.signals import excited
-from selector.types import Vector
 
 _AROUND_ONE = ((0.7, 1.3),)
-
-
-def _others(comparison: Comparison, response: str) -> list[str]:
-    """Channels of the same quantity that were recorded and simulated, and differ from this one."""
-    own = comparison.channel(response)
-    return [
-        channel.name
-        for channel in comparison.channels
-        if channel.role == own.role
-        and channel.name != response
-        and channel.name in comparison.simulated
-        and excited(_difference(comparison, channel.name, response))
-    ]
-
-
-def _difference(comparison: Comparison, other: str, response: str) -> Vector:
-    return comparison.simulated_course(other) - comparison.simulated_course(response)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -40,11 +22,11 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 
 def _of_response(comparison: Comparison, response: str) -> Iterator[Variant]:
-    """The response stands under the name of another one."""
-    for other in _others(comparison, response):
-        change = _difference(comparison, other, response)
-        words = f"simulated {other} less simulated {response}"
-        for part in whole_runs(comparison):
+    """The response stands under the name of another one of the same quantity, which was simulated and differs."""
+    own, simulated = comparison.channel(response), comparison.simulated_course(response)
+    for other in (c.name for c in comparison.channels if c.role == own.role and c.name in comparison.simulated):
+        change, words = comparison.simulated_course(other) - simulated, f"simulated {other} less simulated {response}"
+        for part in whole_runs(comparison) if excited(change) else ():
             yield part.variant(change, words, "wiring", sources=(response, other), bounds=_AROUND_ONE)
 
 

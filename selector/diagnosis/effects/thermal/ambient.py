@@ -30,10 +30,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lack = lacking(comparison, response)
-    if lack is None and not sources(comparison, response).hall:
-        return "no temperature of the hall that moves by more than its resolution was recorded"
-    return lack
+    lack = "no temperature of the hall that moves by more than its resolution was recorded"
+    return lacking(comparison, response) or (None if sources(comparison, response).hall else lack)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

@@ -55,9 +55,8 @@ def _testable(comparison: Comparison, response: str) -> str | None:
     lack = lacking(comparison, response)
     if lack is None and not excited(simulated_rise(comparison, response)):
         return f"the simulated {response} does not move: nothing in it cools"
-    if lack is None and follows_sensors(comparison, response):
-        return f"the simulated {response} is a function of recorded temperatures, which has no cooling of its own"
-    return lack
+    own = f"the simulated {response} is a function of recorded temperatures, which has no cooling of its own"
+    return lack or (own if follows_sensors(comparison, response) else None)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

@@ -72,11 +72,12 @@ def _variant(comparison: Comparison, name: str, heats: list[tuple[str, np.ndarra
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lack = lacking(comparison, response)
-    known = sources(comparison, response)
-    if lack is None and not known.coolant_switches and not known.coolant_temperatures:
-        return "no state, flow or temperature of the coolant that changes was recorded"
-    return lack
+    known, lack = (
+        sources(comparison, response),
+        "no state, flow or temperature of the coolant that changes was recorded",
+    )
+    is_there = known.coolant_switches or known.coolant_temperatures
+    return lacking(comparison, response) or (None if is_there else lack)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

@@ -19,18 +19,14 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lack = lacking(comparison, response)
-    if lack is None and sources(comparison, response).spindle is None:
-        return "no spindle speed that changes was recorded"
-    return lack
+    is_there = sources(comparison, response).spindle is not None
+    return lacking(comparison, response) or (None if is_there else "no spindle speed that changes was recorded")
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     name = fitted.variant.sources[0]
-    exponent = fitted.variant.shape["speed_exponent"].value
-    top = top_speed_rpm(comparison, name)
-    text = f"{fitted.response} shifts at once with {name}^{exponent:.2g}: "
-    text += f"{fitted.coefficients[0]:+.3g} {shown_unit(fitted.unit)} at {top:.0f} rpm"
+    text = f"{fitted.response} shifts at once with {name}^{fitted.variant.shape['speed_exponent'].value:.2g}: "
+    text += f"{fitted.coefficients[0]:+.3g} {shown_unit(fitted.unit)} at {top_speed_rpm(comparison, name):.0f} rpm"
     return told(fitted, text, at_top_speed=fitted.coefficient())
 
 

@@ -35,11 +35,9 @@ def _variant(comparison: Comparison, pair: tuple[str, str], product: Vector, uni
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lack = lacking(comparison, response)
-    known = sources(comparison, response)
-    if lack is None and not known.machine and not excited(simulated_rise(comparison, response)):
-        return "no temperature of the machine that moves was recorded, and the simulated course stands still"
-    return lack
+    lack = "no temperature of the machine that moves was recorded, and the simulated course stands still"
+    is_there = sources(comparison, response).machine or excited(simulated_rise(comparison, response))
+    return lacking(comparison, response) or (None if is_there else lack)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

@@ -49,18 +49,17 @@ def _warm_places(comparison: Comparison, response: str) -> list[tuple[str, str, 
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lack = lacking(comparison, response)
-    if lack is None and not sources(comparison, response).other_heat and not _warm_places(comparison, response):
-        return "no feed, current, power, state or temperature was recorded that shows a source other than the spindle"
-    return lack
+    lack = "no feed, current, power, state or temperature was recorded that shows a source other than the spindle"
+    short = lacking(comparison, response)
+    return short or (None if sources(comparison, response).other_heat or _warm_places(comparison, response) else lack)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     name = fitted.variant.sources[0]
     text = (
-        f"{fitted.response} follows {with_place(comparison, name)}, a source of heat that the simulation does not have"
+        f"{fitted.response} follows {with_place(comparison, name)}, a source of heat that the simulation does not have,"
     )
-    return told(fitted, f"{text}, {delay_of(fitted)}")
+    return told(fitted, f"{text} {delay_of(fitted)}")
 
 
 EFFECT = Effect(**words_of("thermal.second_source"), variants=_variants, testable=_testable, reading=_reading)

@@ -113,10 +113,8 @@ def _testable(comparison: Comparison, response: str) -> str | None:
     if swept_hz(comparison, response) is not None:
         return None
     reason = no_vibration(comparison, response, roles=("displacement", "acceleration", "velocity", "position"))
-    reason = reason or of_a_drive(comparison, response)
-    if reason is None and not members(comparison, response):
-        return "no motion of a second member is recorded"
-    return reason
+    alone = None if members(comparison, response) else "no motion of a second member is recorded"
+    return reason or of_a_drive(comparison, response) or alone
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
@@ -125,10 +123,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         shift = {"relative_shift": Quantity(float(-fitted.coefficients[0]), "1")}
         return Reading(f"the resonances of {fitted.response} {elsewhere}", fitted.size | shift)
     seen = fitted.variant.names[0].partition(",")[0].rpartition(" on ")[2]
-    text = (
-        f"{fitted.variant.sources[0]} acts back on {seen}: its inertia moves {fitted.response} by up to {fitted.up_to}"
-    )
-    return Reading(f"{text}, which the simulated chain passes on in one direction only", fitted.size)
+    text = f"{fitted.variant.sources[0]} acts back on {seen}: its inertia moves {fitted.response} by up to"
+    text += f" {fitted.up_to}, which the simulated chain passes on in one direction only"
+    return Reading(text, fitted.size)
 
 
 EFFECT = Effect(**words_of("vibration.back_reaction"), variants=_variants, testable=_testable, reading=_reading)

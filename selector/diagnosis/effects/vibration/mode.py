@@ -120,10 +120,10 @@ def _of_a_curve(comparison: Comparison, response: str, swept: Vector) -> Iterato
 def _testable(comparison: Comparison, response: str) -> str | None:
     if swept_hz(comparison, response) is not None:
         return None
-    reason = no_vibration(comparison, response) or of_a_drive(comparison, response)
-    if reason is None and not any(len(run.clock_s) > 64 for run in even_runs(comparison)):
-        return "every run is shorter than 64 samples"
-    return reason
+    short = (
+        None if any(len(run.clock_s) > 64 for run in even_runs(comparison)) else "every run is shorter than 64 samples"
+    )
+    return no_vibration(comparison, response) or of_a_drive(comparison, response) or short
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
