@@ -50,15 +50,7 @@ from selector.diagnosis.evidence.naming import (
 )
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import (
-    MOST_OF_IT,
-    TENTH,
-    Search,
-    is_slow_in_one_run,
-    numbers,
-    search,
-    unseen_rms,
-)
+from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, is_slow_in_one_run, numbers, search
 from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record, told_of_wandering, unexplained
@@ -459,9 +451,9 @@ def _judged(state: _State) -> _State:
         # beside what is no name after all an offset may have come out anywhere
         state = _recalibrated(replace(state, search=found))
     if not effects and not state.structures:
-        unlike = (name for name, bench in found.benches.items() if contradicted(bench, state.again[name]))
-        off = {name: unseen_rms(found.benches[name], []) for name in unlike}
-        said = (*state.refuted, *(of_whole_record("unlike", state.comparison, name, off[name], 0.0) for name in off))
+        off = {name: contradicted(bench, state.again[name]) for name, bench in found.benches.items()}
+        unlike = (of_whole_record("unlike", state.comparison, name, off[name], 0.0) for name in off if off[name])
+        said = (*state.refuted, *unlike)
         of_size = [one for one in said if not is_small(state.comparison, found, one.channel, one.size)]
         state = replace(state, structures=of_size)
     gains = any(

@@ -113,6 +113,7 @@ _ONE_SPEED = 0.1  #: Of the usual speed, by which it differs at most.
 _OF_HEAT = ("thermal.memory", "thermal.convection", "thermal.interaction", "thermal.speed_heating")
 _OF_MOVEMENT = 0.25
 _OF_FORCE = 0.05  #: Of the force that the simulation has of the same kind.
+_OF_A_SWITCH = {"thermal.coolant": "thermal.second_source", "thermal.second_source": "thermal.coolant"}
 _SHOWN = 9.0  #: Gain from which an effect shows in a response by itself: three standard errors.
 _INPUT_FAULT = 0.9  #: Confidence of a fault that a channel's own course shows and nothing else explains.
 
@@ -175,14 +176,10 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     )
 
 
-_OF_A_SWITCH = {"thermal.coolant": "thermal.second_source", "thermal.second_source": "thermal.coolant"}
-
-
 def _twins(comparison: Comparison, found: Search, response: str, id_: str, fitted: Fitted) -> tuple[str, ...]:
-    """What no record of such channels, or of one speed, tells from an effect.
+    """A line in time for what repeats along the way of an axis at one speed, and back; heat for a switch of coolant.
 
-    What repeats along the way of an axis that goes at one speed, for a line in time; a line, for what repeats so.
-    Another source of heat for coolant, and the other way round, where nobody says what the switch is of.
+    The last, and coolant for heat, where nobody says what the switch is of.
     """
     if id_ in _OF_A_SWITCH:
         known = sources(comparison, response)

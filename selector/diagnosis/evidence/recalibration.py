@@ -80,19 +80,18 @@ _UNLIKE, _SURELY_OTHER = 3.0, 1e-6
 _FAR = 5.0  #: Times what is left of the fitted rows: what unseen rows are off by that is no noise.
 
 
-def contradicted(bench: Bench, again: Recalibrated) -> bool:
-    """Whether unseen rows are far more off than fitted ones, as they are and as these would calibrate them.
+def contradicted(bench: Bench, again: Recalibrated) -> float:
+    """By how much unseen rows are off that are far more so than fitted ones, as they are and as these calibrate them.
 
-    Or whether those that were right are far off once they are calibrated.
+    Or that were right and are far off once they are calibrated; 0 of others.
     """
     left = bench.residual([])
     held = np.isfinite(left) & ~bench.fitted
     if not held.any():
-        return False
+        return 0.0
     after, before, fitted = rms(left[held]), rms(bench.given[held]), rms(left[bench.fitted])
-    return min(after, before) > _FAR * fitted or (
-        again.p_value < _SURELY_OTHER and after > _UNLIKE * max(before, fitted)
-    )
+    is_other = again.p_value < _SURELY_OTHER and after > _UNLIKE * max(before, fitted)
+    return after if is_other or min(after, before) > _FAR * fitted else 0.0
 
 
 _FORCES = ("force", "current", "voltage")

@@ -336,14 +336,20 @@ def _left(bench: Bench, chosen: list[int]) -> Vector:
 
 def _selected(benches: Benches, given: _Given) -> Named:
     named: Named = {}
-    # a shape is not exact where the effect shows: how clear it is in one response bears on no other
-    floor = dict.fromkeys(benches, 0.0)
+    # a shape is not exact where it shows: how clear it is in one response bears on no other, but for those of a loop
+    floor, clearest = dict.fromkeys(benches, 0.0), 0.0
     for _ in range(_MOST):
-        standing = [one for one in given.standings(benches, named).values() if given.supports(one)]
-        supported = [one for one in standing if any(one.tested[name].evidence > floor[name] for name in one.responses)]
+        supported = [
+            one
+            for one in given.standings(benches, named).values()
+            if given.supports(one)
+            and (one.score > clearest or not one.id.startswith("drive."))
+            and any(one.tested[name].evidence > floor[name] for name in one.responses)
+        ]
         if not supported:
             break
         best = max(supported, key=lambda one: one.score)
+        clearest = max(clearest, _TRIFLE * best.score)
         floor |= {name: max(floor[name], _TRIFLE * best.tested[name].evidence) for name in best.responses}
         named[best.id] = best.chosen
         named = _retested(benches, named, given)

@@ -16,6 +16,7 @@ from selector.types import Vector
 NOISE_SHARE = 0.02  #: Noise that smoothing may leave in an acceleration, as a share of its root mean square.
 LONGEST_SMOOTHING_S = 0.06
 MOVING_SHARE = 0.002  #: Below this share of the largest speed an axis counts as standing, unless noise asks for more.
+_FAR = 5.0  #: Times.
 _AGREES = 0.5  #: Correlation of the ways from sample to sample by a position and by a speed.
 UM = 1e-6
 
@@ -136,8 +137,10 @@ def _followed(
     speed, acceleration = derivatives(comparison, command)
     errors = [c for c in comparison.channels if c.role == "displacement" and c.name in comparison.simulated]
     errors = [c for c in errors if axis is None or c.axis in (axis, None)]
-    if errors:
-        error = UM * comparison.simulated_course(errors[0].name)
+    error = UM * comparison.simulated_course(errors[0].name) if errors else None
+    behind = None if position is None else command - _values(comparison, position)
+    # of a position that is much further behind its command a displacement is no following error, but a wind-up, say
+    if error is not None and (behind is None or float(np.std(behind)) < _FAR * float(np.std(error))):
         # a command is followed, not led: that tells which sign the error has
         sign = -1.0 if float(error @ speed) > 0.0 else 1.0
         return command + sign * error, (errors[0].name,)
@@ -145,7 +148,7 @@ def _followed(
         place = _values(comparison, position)
         if position in comparison.simulated or _window(comparison, place) < _longest_window(comparison, place):
             return place, (position,)
-        behind, course, by = command - _values(comparison, position), speed, position
+        course, by = speed, position
     elif velocity is not None:
         behind, course, by = speed - _values(comparison, velocity), acceleration, velocity
     else:

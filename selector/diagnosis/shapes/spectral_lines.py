@@ -175,20 +175,23 @@ def lines(
     return tuple(sorted(found, key=lambda line: -line.strength)[:most])
 
 
-def aligned(comparison: Comparison, left: Vector, cosine: Vector, sine: Vector, line: Line) -> tuple[Vector, float]:
+def aligned(
+    comparison: Comparison, left: Vector, cosine: Vector, sine: Vector, line: Line, *, is_known: bool
+) -> tuple[Vector, float]:
     """A line that passed through a structure, turned in every run by the angle at which that run shows it.
 
     `cosine` and `sine` are what the line's two quadratures became; phases come from the same rows as those of lines.
-    The second value is the chance that noise shows as much.
+    The second value is the chance that noise shows as much. Where the structure `is_known`, an unseen run is read where
+    it answers; a guess holds far below its resonance only.
     """
-    parts = fitted_parts(comparison)
+    parts, shown = fitted_parts(comparison), np.hypot(cosine, sine) if is_known else np.ones(len(left))
     noise = white_filter([left[part] for part in parts])
     result, explained, freedoms = np.zeros(len(left)), 0.0, 0
     for k, (_, rows) in enumerate(comparison.rows_of_runs()):
         if line.phases[k] is None:
             continue
         is_fitted = parts[k].start < parts[k].stop
-        part = parts[k] if is_fitted else _first_part(rows, np.hypot(cosine, sine))
+        part = parts[k] if is_fitted else _first_part(rows, shown)
         columns = np.column_stack([filtered(course[part], noise) for course in (cosine, sine)])
         white = filtered(left[part], noise)
         a, b = least_squares(columns, white)
@@ -263,7 +266,7 @@ def _line(of: _Looked, runs: tuple[int, ...], cycles: float, strength: float, *,
     for k, (_, rows) in enumerate(of.comparison.rows_of_runs()):
         is_unfitted = of.parts[k].start == of.parts[k].stop and len(runs) == sum(p.start < p.stop for p in of.parts)
         if k in runs or is_unfitted:
-            phases[k] = of.phase(of.parts[k] if k in runs else _first_part(rows, of.weight), cycles)
+            phases[k] = of.phase(of.parts[k] if k in runs else _first_part(rows, np.ones(len(of.weight))), cycles)
     return Line(cycles, tuple(phases), strength)
 
 

@@ -15,8 +15,18 @@ from selector.diagnosis.effects.drive.pitch_error import EFFECT as PITCH_ERROR
 from selector.diagnosis.effects.drive.saturation import EFFECT as SATURATION
 from selector.diagnosis.shapes.axis import motion
 from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, passed, responds, yields_s2
+from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
-from tests.diagnosis.effects.drive_axis import PAIRS, VISCOUS_ONLY, Noise, compared, moves, replace
+from tests.diagnosis.effects.drive_axis import (
+    PAIRS,
+    VISCOUS_ONLY,
+    WITH_FRICTION,
+    Noise,
+    compared,
+    driven,
+    moves,
+    replace,
+)
 
 PERIOD_S = 2e-3
 
@@ -300,3 +310,38 @@ def test_a_lead_is_found_between_the_lines_of_its_spectrum(lead_mm):
     made = comparison_with(channels, {"command": place_m, "x": place_m + error_m + noise_m}, x=place_m)
     found = leads(made, "X", of_force=False)
     assert min(abs(1e3 * one / lead_mm - 1.0) for one in found) < 1e-3
+
+
+def _wound_up(play: float) -> Comparison:
+    """Three runs of a table on a screw, its scale less the motor's encoder compared, and the encoder recorded."""
+    axis = replace(WITH_FRICTION, feed_forward=0.3)
+    channels = (
+        Channel("xc", "position_command", "m"),
+        Channel("xm", "position", "m"),
+        Channel("d", "displacement", "um"),
+    )
+    parts: dict[str, list[np.ndarray]] = {"xc": [], "xm": [], "d": [], "simulated": []}
+    for seed in range(3):
+        command = moves(seed)
+        true, simulated = (driven(one, command) for one in (replace(axis, play=play), axis))
+        parts["xc"].append(command[::20])
+        parts["xm"].append(true["m"][::20])
+        parts["d"].append(1e6 * (true["x"] - true["m"])[::20])
+        parts["simulated"].append(1e6 * (simulated["x"] - simulated["m"])[::20])
+    recorded = {name: np.concatenate(of) for name, of in parts.items()}
+    recorded["d"] += 0.3 * np.random.default_rng(1).standard_normal(len(recorded["d"]))
+    simulated = {"d": recorded.pop("simulated")}
+    n = len(parts["xc"][0])
+    time = np.tile(np.arange(n) * PERIOD_S, 3)
+    held_out = np.arange(3 * n) >= 2 * n
+    return Comparison(("r1", "r2", "r3"), (0, n, 2 * n, 3 * n), time, channels, recorded, simulated, ("d",), held_out)
+
+
+def test_a_wind_up_is_no_following_error():
+    wound_up = _wound_up(0.0)
+    assert motion(wound_up).sources == ("xc", "xm")
+
+
+def test_play_is_crossed_where_the_simulated_wind_up_turns_over():
+    effects = {effect.id: effect for effect in diagnosis(_wound_up(14e-6)).effects}
+    assert effects["drive.backlash"].parameters["lost_motion"].value == pytest.approx(14.0, rel=0.15)

@@ -168,5 +168,5 @@ def test_an_unseen_run_up_shows_its_phase_where_it_is_fast_enough():
     turn = 0.9 * np.arange(1800) + np.repeat([0.0, 1.0, 2.5], 600)
     cosine, sine = size * np.cos(0.9 * np.arange(1800)), size * np.sin(0.9 * np.arange(1800))
     left = made.difference("Z") + size * np.cos(turn)
-    found, _ = aligned(made, left, cosine, sine, Line(1.0, (0.0, 0.0, 0.0), 0.0))
+    found, _ = aligned(made, left, cosine, sine, Line(1.0, (0.0, 0.0, 0.0), 0.0), is_known=True)
     assert np.corrcoef(found[1500:], np.cos(turn)[1500:])[0, 1] > 0.99

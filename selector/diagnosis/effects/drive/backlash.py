@@ -37,10 +37,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             seen.append(side)
             shape = {"crossed_um": Quantity(crossed_um, "um"), "start": Quantity(start, "1")}
             yield _of_side(comparison, response, side, shape)
-    for share in _INERTIA_SHARES:
-        load = _load(comparison, response, moving, share)
-        if load is None:
-            return
+    for share, load in _loads(comparison, response, moving):
         for start in _STARTS:
             side = _begun(_loaded_side, load, starts, _LOADED * float(np.abs(load).max()), start)
             shape = {"inertia_share": Quantity(share, "1"), "start": Quantity(start, "1")}
@@ -84,16 +81,20 @@ def _of_side(comparison: Comparison, response: str, side: Vector, shape: dict[st
     return direct(comparison, response, columns, shape)
 
 
-def _load(comparison: Comparison, response: str, moving: Motion, share: float) -> Vector | None:
-    """Simulated force that passes the play, with this share of the moving mass behind it; None without one."""
-    drive = simulated_drive_force(comparison, comparison.channel(response).axis)
+def _loads(comparison: Comparison, response: str, moving: Motion) -> Iterator[tuple[float, Vector]]:
+    """Shares of the moving mass behind the play, and simulated force that passes it; or the wind-up by that force."""
+    channel = comparison.channel(response)
+    if channel.role == "displacement" and response not in moving.sources:
+        yield 1.0, comparison.simulated_course(response)
+    drive = simulated_drive_force(comparison, channel.axis)
     if drive is None:
-        return None
+        return
     parts = np.column_stack([
         moving.acceleration_m_per_s2, moving.velocity_m_per_s, moving.friction_state(presliding_m(comparison, response))
     ])  # fmt: skip
     fit = np.linalg.lstsq(parts, drive[1], rcond=None)[0]
-    return np.asarray(drive[1] - (1.0 - share) * fit[0] * parts[:, 0])
+    for share in _INERTIA_SHARES:
+        yield share, np.asarray(drive[1] - (1.0 - share) * fit[0] * parts[:, 0])
 
 
 @njit(cache=True, nogil=True)

@@ -133,7 +133,7 @@ def _passed(
     at_rest = replace(line, phases=tuple(None if p is None else 0.0 for p in line.phases))
     late = replace(line, phases=tuple(None if p is None else -0.5 * np.pi for p in line.phases))
     cosine, sine = (path.passed(comparison, course_of(part, comparison, turns, weight)) for part in (at_rest, late))
-    return aligned(comparison, left, cosine, sine, line)
+    return aligned(comparison, left, cosine, sine, line, is_known=path.source is not None)
 
 
 def _in_every_run(comparison: Comparison) -> Line:
