@@ -73,12 +73,8 @@ def compensate(
     read, _ = usable_model(model)
     said = read_io(io, read)
     if fast and any(one.kind != "file" for one in said.connections.values()):
-        raise OptionError(
-            "--fast with a server",
-            expected="connections of kind file only",
-            where=str(io),
-            advice="leave --fast out, or rehearse with files",
-        )
+        expected, advice = "connections of kind file only", "leave --fast out, or rehearse with files"
+        raise OptionError("--fast with a server", expected=expected, where=str(io), advice=advice)
     require_writable_folder(out, "--out")
 
     clock = FastClock() if fast else RealClock()

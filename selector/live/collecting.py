@@ -43,7 +43,7 @@ class Collection:
     """Channels of an IO file on their way into a lake; nothing is written to a control."""
 
     def __init__(self, io: IoFile, clock: Clock, folder: Path) -> None:
-        """`folder` is the lake. Raises OptionError: it cannot be written to."""
+        """`folder` is the lake. Raises OptionError: another process has it, or it cannot be written to."""
         # outputs and heartbeat are not opened: this process only reads
         control = io.control.model_copy(update={"heartbeat": None})
         self._io, self._clock = io.model_copy(update={"outputs": {}, "control": control}), clock
@@ -54,6 +54,8 @@ class Collection:
             name: ChannelSection(role=of.role, unit=CANONICAL_UNITS[of.role], place=of.place, axis=of.axis)
             for name, of in io.channels.items()
         }
+        # before the lake: that writes its machine file
+        self._lock = self._journal.locked()
         self._lake = Lake(folder, io.machine, sections, self._journal.tell)
         self.is_stopping = False
         self._rows = self._filled = 0
@@ -63,7 +65,6 @@ class Collection:
 
     async def run(self, cycles: int | None = None) -> dict[str, Any]:
         """Until it is stopped, files have ended, or so many periods are done."""
-        lock = self._journal.locked()
         self._journal.tell("started", machine=self._io.machine, period_s=self._io.period_s)
         self._lake.close_days()
         today = int(self._clock.wall() // 86400)
@@ -85,7 +86,7 @@ class Collection:
             for link in self._links.values():
                 await link.close()
             self._journal.tell("stopped", rows=self._rows, filled=self._filled)
-            lock.close()
+            self._lock.close()
         return {
             "schema": "selector.collection/1",
             "machine": self._io.machine,

@@ -1,6 +1,7 @@
 """What a process beside the control leaves for people and monitors: journal, metrics, one page, what it keeps."""
 
 import json
+import os
 import sqlite3
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -45,20 +46,23 @@ class Journal:
             return
 
     def locked(self) -> sqlite3.Connection:
-        """The folder for this process alone until it closes this, or dies. Raises OptionError: another one has it."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        lock = sqlite3.connect(self.folder / ".lock", timeout=0.0, isolation_level=None)
+        """The folder for this process alone until it closes this, or dies. Raises OptionError: it cannot have it."""
         try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            lock = sqlite3.connect(path := self.folder / ".lock", timeout=0.0, isolation_level=None)
+            if not os.access(path, os.W_OK):
+                raise PermissionError("it belongs to another user")  # two could have it
+            # nothing is written: a machine is corrected although a disk is full
+            lock.execute("PRAGMA journal_mode = OFF")
             lock.execute("BEGIN EXCLUSIVE")
             return lock
-        except sqlite3.OperationalError as error:
-            lock.close()
-            raise OptionError(
-                f"another process of selector that is at work there ({error})",
-                expected="a folder for this one alone: each would overwrite what the other keeps",
-                where=str(self.folder),
-                advice="end the other one (its journal.jsonl says since when it runs), or give another --out",
-            ) from error
+        except (OSError, sqlite3.Error) as error:
+            is_other = getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY
+            found = "another process of selector, at work there" if is_other else f"its .lock cannot be had ({error})"
+            expected = "a folder for this one alone: each would overwrite what the other keeps"
+            advice = "end the other one (its journal.jsonl says since when it runs)" if is_other else "delete .lock"
+            advice += ", or give another --out where you may write"
+            raise OptionError(found, expected=expected, where=str(self.folder), advice=advice) from error
 
     def _numbered(self, k: int) -> Path:
         return self._path if k == 0 else self._path.with_name(f"journal.{k}.jsonl")

@@ -212,28 +212,24 @@ def kept(reading: Reading, folder: Path) -> tuple[list[Path], int, int]:
     """
     name = None if reading.machine is None else reading.machine.machine.name
     if name is None or not re.fullmatch(FOLDER, name):
+        found = "recordings of no machine" if name is None else f"a machine called {name!r}"
+        advice = "describe RUN… --write machine.toml writes one; give its machine a name and add --machine"
         raise OptionError(
-            "recordings of no machine" if name is None else f"a machine called {name!r}",
+            found,
             expected="a machine file with a name of letters, digits, . _ and - under [machine]",
             where="--lake",
-            advice="describe RUN… --write machine.toml writes one; give its machine a name and add --machine",
+            advice=advice,
         )
     undated = [run.name for run in reading.runs if run.start is None]
     if undated:
-        raise OptionError(
-            f"{', '.join(undated[:6])} without a date",
-            expected="recordings with date and time",
-            where="--lake",
-            advice="name the column with the date (--time-column), or convert without --lake",
-        )
+        found = f"{', '.join(undated[:6])} without a date"
+        advice = "name the column with the date (--time-column), or convert without --lake"
+        raise OptionError(found, expected="recordings with date and time", where="--lake", advice=advice)
     back = next((one for one in reading.findings if one.id == CLOCK_BACK), None)
     if back is not None:
-        raise OptionError(
-            f"{back.where.run}, whose clock jumps back ({back.evidence['cause']})",
-            expected="every time once",
-            where="--lake",
-            advice="write the recording with UTC or with the zone at each time, or cut the file there",
-        )
+        found = f"{back.where.run}, whose clock jumps back ({back.evidence['cause']})"
+        advice = "write the recording with UTC or with the zone at each time, or cut the file there"
+        raise OptionError(found, expected="every time once", where="--lake", advice=advice)
     recording = reading.recording
     sections = {one.name: channel_section(one, one.name, one.unit) for one in recording.channels}
     files: set[Path] = set()

@@ -152,7 +152,8 @@ def test_a_second_start_fills_what_the_first_had_not_written(tmp_path):
             await made.step()
             await made._clock.sleep_until(made._clock.monotonic() + 1.0)
 
-    asyncio.run(killed())  # nothing is flushed, as by kill -9
+    asyncio.run(killed())  # nothing is flushed, as by kill -9, which ends the lock
+    made._lock.close()
     (name,) = (path.name for path in frames(tmp_path / "lake"))
     assert name == "2026-03-01T100000.000000Z.parquet"
     assert 105 <= len(whole(tmp_path / "lake")) < 115

@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import closing
 
 import pytest
 
@@ -17,6 +18,8 @@ from selector.controllers import sealed
 from selector.controllers.model_file import write_model
 from selector.live.compensating import Compensation
 from selector.live.io_file import read_io
+from selector.live.journal import Journal
+from selector.live.links import FastClock
 from tests.live.plants import beyond_the_guard, model
 from tests.patience import PATIENCE_S
 
@@ -106,12 +109,32 @@ def test_a_folder_is_for_one_process_until_that_dies(folder, capsys, name):
             assert other.stdout.readline() == b"locked\n"
             assert ask() == 2
             said = capsys.readouterr().err
+            # the other one's machine file is not touched, either
+            assert [path.name for path in place.iterdir()] == [".lock"]
+            assert name == "compensate" or not (place.parent / "machine.toml").exists()
         finally:
             other.kill()
     assert "another process" in said
     assert str(place) in said
     assert not (place / "journal.jsonl").exists()
     assert ask() == 0
+
+
+@pytest.mark.parametrize("content", [b"no lock at all" * 400, None], ids=["bytes", "folder"])
+def test_a_lock_that_cannot_be_had_is_told(folder, capsys, content):
+    lock = folder / "out" / ".lock"
+    lock.parent.mkdir()
+    lock.mkdir() if content is None else lock.write_bytes(content)
+    assert command(folder, "--fast") == 2
+    said = capsys.readouterr().err
+    assert "another process" not in said
+    assert "delete .lock" in said
+
+
+def test_a_lock_needs_no_room_on_a_full_disk(folder):
+    with closing(Journal(folder / "out", FastClock()).locked()):
+        # the journal of a transaction would be the first byte
+        assert [(path.name, path.stat().st_size) for path in (folder / "out").iterdir()] == [(".lock", 0)]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Ctrl-C ends at once elsewhere")
