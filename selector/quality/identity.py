@@ -9,6 +9,7 @@ from selector.findings import Finding, Where
 from selector.quality.finding_table import DUPLICATE_CHANNEL, FINDINGS
 from selector.quality.siblings import Relations
 from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference
+from selector.text_file import shell_word
 
 _ALIKE = 1.0 - 2e-4  #: Correlation of block means from which two channels are compared sample by sample.
 _ROUND_OFF = 1e-10  #: Of a squared correlation.
@@ -64,7 +65,7 @@ def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:
             f"{b.name} holds {how} as {a.name} {where}: two channels, one measurement.",
             Where(b.name, None if everywhere else relations.runs[hits[0]]),
             {"other": a.name, "gain": gain, "offset": offset, "runs": [relations.runs[r] for r in hits]},
-            f"Check the wiring and the logger's channel list; exclude one with --never {b.name}. Nothing is left out.",
+            f"Check the wiring and the logger; exclude one with --never {shell_word(b.name)}. Nothing is left out.",
         )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from selector.csv_text import as_written
 from selector.errors import ReadError
 from selector.findings import Finding
+from selector.number_text import shortened
 from selector.readers.finding_table import DUPLICATE_HEADER, FINDINGS
 from selector.types import Indices, Vector
 
@@ -128,7 +129,8 @@ def checked_size(n_cells: int, where: str) -> None:
 def unique_headers(headers: Sequence[str], where: str) -> tuple[list[str], list[Finding]]:
     """Headers without blanks at the ends, empty ones as ``col3``, repeated ones as ``T1.2``, and what was changed.
 
-    The apostrophe that keeps a spreadsheet from running a name is no part of it.
+    Of more than 190 letters the middle is left out: models take 200. The apostrophe that keeps a spreadsheet from
+    running a name is no part of it.
     """
     taken: set[str] = set()
     unique: list[str] = []
@@ -136,7 +138,7 @@ def unique_headers(headers: Sequence[str], where: str) -> tuple[list[str], list[
     for position, raw in enumerate(headers, start=1):
         # on one line: control characters are blanks
         shown = "".join(c if c.isprintable() else " " for c in raw)
-        text = as_written(" ".join(shown.split())[:200]) or f"col{position}"
+        text = as_written(shortened(" ".join(shown.split()), 190)) or f"col{position}"
         name, count = text, 1
         while name in taken:
             count += 1

@@ -1,7 +1,6 @@
 """What there is to work with: length and period of every run, and which sensors can be candidates at all."""
 
 import math
-import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,6 +16,7 @@ from selector.recording import RunSource
 from selector.selection.finding_table import FINDINGS, SENSOR_MISSING
 from selector.selection.options import Question
 from selector.sensors.finding_table import CONSTANT_SENSOR
+from selector.text_file import shell_word
 from selector.types import Array
 
 #: Gaps that are told; below the second, a sensor costs more by its absence than the samples that its gaps cost.
@@ -104,7 +104,7 @@ def _left_out_for_gaps(
                 SENSOR_MISSING,
                 f"is missing in {100 * gaps[name]:.0f} % of the samples"
                 + ("" if math.isnan(likeness[name]) else f"; others explain {100 * likeness[name]:.1f} % of it"),
-                f"check its wiring; if it must be kept at the price of those samples: --must {shlex.quote(name)}",
+                f"check its wiring; if it must be kept at the price of those samples: --must {shell_word(name)}",
             )
     spare = sorted(
         (n for n in likeness if n not in reasons and n not in must), key=lambda n: -np.nan_to_num(likeness[n])
@@ -119,7 +119,7 @@ def _left_out_for_gaps(
             SENSOR_MISSING,
             f"is missing in {100 * gaps[name]:.0f} % of the samples, and with the gaps of others only "
             f"{100 * complete:.0f} % of the samples would be complete",
-            f"check its wiring; if it must be kept at the price of those samples: --must {shlex.quote(name)}",
+            f"check its wiring; if it must be kept at the price of those samples: --must {shell_word(name)}",
         )
     return likeness
 
@@ -155,7 +155,7 @@ def _samples_lost(name: str, share: float, likeness: float) -> Finding:
         "comparing sensors.",
         Where(channel=name),
         {"missing_share": share, "explained_by_others": likeness},
-        f"repair {name} and record again, or use --never {name}; --reference absolute needs no start reading",
+        f"repair it and record again, or use --never {shell_word(name)}; --reference absolute needs no start reading",
         "leave-out-stretch",
     )
 
@@ -270,7 +270,7 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
                 f"{name} reads from {lowest:.3g} to {highest:.3g}",
                 expected=f"readings within ±{MOST_CREDIBLE:g} in the unit of the channel",
                 where="recordings",
-                advice=f"mark broken readings as missing, or use --never {name}",
+                advice=f"mark broken readings as missing, or use --never {shell_word(name)}",
             )
     for name, lowest, highest in zip(question.responses, low[n_sensors:], high[n_sensors:], strict=True):
         if highest - lowest <= 1e-12 * max(1.0, abs(highest)):

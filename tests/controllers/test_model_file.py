@@ -140,7 +140,7 @@ STRUCTURAL = [  # what the JSON Schema itself refuses too
     (("inputs", 0, "reference"), "delta", "$.inputs[0].reference", '"delta"'),
     (("inputs", 0, "name"), "", "$.inputs[0].name", '""'),
     (("inputs", 0, "name"), "T1\n*/", "$.inputs[0].name", '"T1\\n*/"'),
-    (("inputs", 0, "name"), "T" * 101, "$.inputs[0].name", "TTT"),
+    (("inputs", 0, "name"), "T" * 201, "$.inputs[0].name", "TTT"),
     (("states", 0, "tau_s"), 0.0, "$.states[0].tau_s", "0.0"),
     (("guard", "on_fault"), "pray", "$.guard.on_fault", '"pray"'),
     (("provenance", "date"), "yesterday", "$.provenance.date", '"yesterday"'),
@@ -237,7 +237,7 @@ def test_numbers_that_two_readers_may_read_differently_are_refused(number):
 
 @pytest.mark.parametrize(
     ("name", "expected"),
-    [("a\nb", "line ends"), ("x" * 101, "at most 100 characters"), ("", "at least 1 "), ("\ud800", "whole characters")],
+    [("a\nb", "line ends"), ("x" * 201, "at most 200 characters"), ("", "at least 1 "), ("\ud800", "whole characters")],
 )
 def test_a_name_that_is_none_is_refused_in_words(name, expected):
     error = refusal(model_text(rise_model()).replace('"two rises"', json.dumps(name)))

@@ -11,10 +11,14 @@ import openpyxl
 import pandas as pd
 import pytest
 import scipy.io
+from pydantic import TypeAdapter
 
+from selector.controllers.closed_values import Name
 from selector.errors import ReadError
 from selector.readers import Overrides, read
 from selector.readers.binary.optional import quiet
+from selector.readers.roles.names import name_and_unit
+from selector.readers.tables import unique_headers
 
 N = 8
 TIME = np.arange(N, dtype=np.float64) * 10
@@ -300,3 +304,12 @@ def test_what_is_silenced_while_files_are_read_speaks_again_when_the_last_thread
     assert logging.root.manager.disable >= logging.CRITICAL
     second.__exit__(None, None, None)
     assert (logging.root.manager.disable, list(warnings.filters)) == (level, filters)
+
+
+def test_a_long_name_keeps_its_unit_and_fits_into_a_model():
+    long = "Messstelle " * 30
+    names, told = unique_headers([long + "links [degF]", long + "rechts [degF]", long + "links [degF]"], "a.csv")
+    assert [name_and_unit(name)[1] for name in names[:2]] == ["degF", "degF"]
+    assert names[2] == f"{names[0]}.2"
+    assert [one.id for one in told] == ["duplicate-header"]
+    assert [TypeAdapter(Name).validate_python(name) for name in names] == names

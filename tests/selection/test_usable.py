@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shlex
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from selector.models.design import datum_of
 from selector.quality import inspect
 from selector.selection import Options, select
 from selector.selection.options import question_of
-from selector.selection.survey import survey
+from selector.selection.survey import _samples_lost, survey
 from selector.telling.selected.advice import advice
 from tests.models.runs import InPieces, recording
 from tests.selection.machines import found_ids, machine, one_finding
@@ -141,6 +142,11 @@ def test_a_patchy_sensor_that_nothing_stands_in_for_is_kept_and_costs_its_gaps()
     lost = one_finding(found, "samples-lost")
     assert lost.where.channel == "T4"
     assert 0.05 < lost.evidence["missing_share"] < 0.15
+
+
+def test_the_option_that_is_advised_can_be_typed_as_it_stands():
+    said = _samples_lost("Column top", 0.05, 0.9).suggestion
+    assert shlex.split(said.partition(";")[0])[-2:] == ["--never", "Column top"]
 
 
 def test_a_run_without_displacement_is_left_out_and_told():
