@@ -76,7 +76,6 @@ def compensate(
         expected, advice = "connections of kind file only", "leave --fast out, or rehearse with files"
         raise OptionError("--fast with a server", expected=expected, where=str(io), advice=advice)
     require_writable_folder(out, "--out")
-
     clock = FastClock() if fast else RealClock()
     status = asyncio.run(_until_stopped(lambda: Compensation(read, said, clock, out), cycles))
     if as_json:

@@ -129,8 +129,7 @@ def checked_size(n_cells: int, where: str) -> None:
 def unique_headers(headers: Sequence[str], where: str) -> tuple[list[str], list[Finding]]:
     """Headers without blanks at the ends, empty ones as ``col3``, repeated ones as ``T1.2``, and what was changed.
 
-    Of more than 190 letters the middle is left out: models take 200. The apostrophe that keeps a spreadsheet from
-    running a name is no part of it.
+    Of more than 190 letters the middle is left out, and an apostrophe that keeps a spreadsheet from running a name.
     """
     taken: set[str] = set()
     unique: list[str] = []

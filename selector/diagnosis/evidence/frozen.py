@@ -14,6 +14,7 @@ from selector.diagnosis.evidence.search import Search
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.usable import LEAST_SAMPLES, fit_of_copy, rows_in_stretches
 from selector.diagnosis.shapes.input_faults import InputFault
+from selector.diagnosis.shown_units import unit_words
 from selector.diagnosis.wording import headline
 from selector.findings import Where
 from selector.types import Mask
@@ -52,8 +53,8 @@ def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
             from_s, to_s = float(comparison.time_s[first]), float(comparison.time_s[last])
             reading, samples = float(comparison.recorded[name][first]), last - first + 1
             statement = (
-                f"{name} in run {run} stands at {reading:.6g} for {duration(to_s - from_s)} from {duration(from_s)} "
-                f"on: {samples} equal samples, though it is never silent elsewhere."
+                f"{name} in run {run} stands at {reading:.6g} {unit_words(comparison.channel(name).unit)} for "
+                f"{duration(to_s - from_s)} from {duration(from_s)} on: {samples} equal samples, silent nowhere else."
             )
             evidence, course = {"samples": samples, "value": reading}, np.where(here, reading - expected, 0.0)
             faults.append(InputFault("data.stuck", name, run, from_s, to_s, statement, True, evidence, course))

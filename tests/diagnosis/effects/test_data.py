@@ -221,8 +221,14 @@ def test_a_frozen_stretch():
     assert mean_square < LEFT
     assert variant.run == "r2"
     assert variant.shape["to_s"].value == 219 * STEP_S
-    assert "stands at" in reading.statement
+    assert " µm in run r2" in reading.statement
+    assert " µm for " in sure[0].statement
     assert effect_of("data.stuck").testable(comparison, "Y") is not None
+    # 23.6 °C, which is off by 17 K
+    of_heat = [dataclasses.replace(one, role="temperature", unit="degC", axis=None) for one in comparison.channels]
+    warm = dataclasses.replace(comparison, channels=tuple(of_heat))
+    assert " °C in run r2" in best_fit("data.stuck", warm, "Z")[2].statement
+    assert " °C for " in frozen_responses(warm)[0].statement
 
 
 @pytest.mark.parametrize(("stands", "frozen"), [(5, 5), (9, 0)])

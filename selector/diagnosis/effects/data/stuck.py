@@ -6,10 +6,11 @@ import numpy as np
 from scipy.special import erf
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import amount, step_unit, window
+from selector.diagnosis.effects.data._places import amount, window
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.signals import of_a_drive
+from selector.diagnosis.shown_units import unit_words
 from selector.quality.survey import block_noise
 from selector.types import Vector
 
@@ -172,7 +173,7 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     shape = fitted.variant.shape
     return Reading(
-        f"{fitted.response} stands at {shape['reading'].value:.6g} {step_unit(fitted.unit).replace('um', 'µm')} in "
+        f"{fitted.response} stands at {shape['reading'].value:.6g} {unit_words(shape['reading'].unit)} in "
         f"{fitted.variant.regime} while it should go on; it is off by up to {amount(fitted.largest, fitted.unit)}.",
         {name: shape[name] for name in ("from_s", "to_s", "reading")},
     )
