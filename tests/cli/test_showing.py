@@ -215,6 +215,17 @@ def test_a_brief_answer_gives_its_tables_what_its_findings_leave_of_a_screen(wid
     assert max(text.count("\n") for text in shown.values()) <= 38
 
 
+@pytest.mark.parametrize("numbers", [1, 8])
+def test_short_statements_beside_many_numbers_stay_whole(numbers):
+    said = "the error has shifted since r4" if numbers > 1 else "the rise leaves the range of the model since r4; " * 4
+    columns = ["machine", *(f">value {k} [µm]" for k in range(numbers)), "what has changed"]
+    account = Account("A", (), (), answer=table(columns, [("mill-0", *["0.376"] * numbers, said.strip())]))
+    stream = io.StringIO()
+    showing.show_answer(Console(file=stream, width=80), account, (), everything=False)
+    assert "…" not in stream.getvalue()
+    assert set(said.split()) <= set(stream.getvalue().split())
+
+
 def test_on_a_narrow_screen_the_findings_that_weigh_least_make_room():
     account = replace(Account("A result", ("It is so. " * 20,) * 3, (), answer=table(["name"], [("T1",)])), brief=())
     found = [replace(FINDING, id=f"kind-{k}", statement=f"Found-{k}. " * 25, suggestion="do " * 40) for k in range(5)]

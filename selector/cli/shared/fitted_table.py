@@ -52,8 +52,8 @@ class FittedTable(Table):
             widths[lacks.index(max(lacks))] += 1
         for column, width in zip(self.columns, widths, strict=True):
             column.width = width if fits else None
-            for lines in (4, 3, 2) if self.is_brief and fits else ():
-                _shorten(column, [shortened(str(cell), lines * width) for cell in column.cells])
+            for lines in (4, 3, 2) if self.is_brief and fits and width < _LONGEST[0] else ():
+                _shorten(column, [shortened(str(cell), max(lines * width, _LONGEST[0])) for cell in column.cells])
         return super().__rich_console__(console, options)
 
 
