@@ -341,7 +341,7 @@ def _faults(survey: Survey, column: int, alone: list[tuple[Series, Jump]], doubt
             + (f"it may be real: {unsure}." if unsure else "no other channel changes then."),
             Where(channel.name, series.run, jump.time_s, end),
             {"height": jump.height, "standard_error": jump.error},
-            "Look for a sensor or gauge that slipped or was touched. "
+            "Look for a sensor or gauge that slipped or was set to zero; if it was, cut the file there: two runs. "
             + ("Nothing is left out." if unsure else "The stretch from there is left out."),
             "none" if unsure else "leave-out-stretch",
             level="warning" if unsure else "error",
