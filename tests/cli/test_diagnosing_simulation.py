@@ -45,6 +45,16 @@ def test_what_is_no_unit_in_the_headers_of_the_recordings_is_none_in_those_of_th
     assert np.nanmax(seen[0].simulated["Z_m"]) == pytest.approx(courses(0)[2]["Z"].max(), rel=1e-6)
 
 
+def test_of_a_simulation_with_another_clock_and_other_columns_the_columns_are_named(folder, seen, capsys):
+    """It can be read without the clock of the recordings, so that is not what is wrong with it."""
+    for run in ("r1", "r2", "r3"):
+        t, _, simulated = courses(0)
+        write(folder / "sim" / f"{run}.csv", ["time_s", "elsewhere"], [t, simulated["Z"]])
+    said = refused(capsys, command(folder))
+    assert "elsewhere" in said
+    assert "time column" not in said
+
+
 def test_another_quantity_in_the_simulated_header_is_refused(folder, seen, capsys):
     with_header(folder, "Z [degC]")
     said = refused(capsys, command(folder))

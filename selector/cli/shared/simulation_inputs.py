@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from selector.cli.shared.finding_table import FINDINGS
-from selector.errors import InputError, ModelFileError, ReadError, UnitError
+from selector.errors import InputError, ModelFileError, ReadError, RecordingError, UnitError
 from selector.findings import Finding, Where
 from selector.physics.model_text import file_beside
 from selector.physics.simulation_kind import DutyCycle
@@ -67,19 +67,20 @@ def simulated_reading(
     machine = recorded.machine if recorded.machine is not None else machine_of(recorded)
     # what was wrong with a recorded run is not wrong with its simulation
     machine = machine.model_copy(update={"runs": {}})
-    first: InputError | None = None
+    wrong: list[InputError] = []
     names: tuple[str, ...] = ()
     for asked, described in _ways(machine, overrides):
         try:
             found = _with_its_clock(paths, recorded, described, asked, time_unit)
         except InputError as error:
-            # that nothing can be cut out of it says more than in which other format it is not
-            first = error if first is None or error.where == WINDOW else first
+            wrong.append(error)
             continue
         if set(found.recording.names) & set(recorded.recording.names):
             return found
         names = names or found.recording.names
-    raise first or _nothing_in_common(paths, recorded, names)
+    # that nothing can be cut out of it, or that its columns are others, says more than in which format it is not
+    most = max(wrong, key=lambda error: (error.where == WINDOW, isinstance(error, RecordingError)), default=None)
+    raise most or _nothing_in_common(paths, recorded, names)
 
 
 def _ways(machine: Machine, overrides: Overrides) -> Iterator[tuple[Overrides, Machine]]:
