@@ -219,7 +219,8 @@ def refitted(
         nonlocal done
         done += 1
         if progress is not None:
-            what = f"fitting {len(names)} parameters: run {done} of about {max(usual, done)} of the simulation"
+            of = f" of about {usual}" if done <= usual else ""
+            what = f"fitting {len(names)} parameters: run {done}{of} of the simulation"
             progress(min(done, usual), usual, what)
 
     counted()
