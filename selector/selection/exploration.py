@@ -194,18 +194,8 @@ class Exploration:
         say = progress or (lambda _what, _share: None)
         say("reading", 0.0)
         given = options or Options()
-        plain = replace(
-            given,
-            never=(),
-            level=None,
-            rounds=1,
-            grouping="closure",
-            degree=1,
-            interactions=False,
-            memory=False,
-            ridge=False,
-            formula=None,
-        )
+        linear = replace(given, degree=1, interactions=False, memory=False, ridge=False, formula=None)
+        plain = replace(linear, never=(), level=None, rounds=1, grouping="closure")
         source = in_parts(source)
         asked = question_of(source, plain)
         source = source if plain.reference == "absolute" else begun(source, asked.responses)

@@ -14,6 +14,7 @@ from typing import Any
 from selector.atomic_file import write_whole
 from selector.physics.model_fields import model_file_text
 from selector.physics.model_text import plain_values
+from selector.physics.thermal.field.mesh_file import FORMATS
 from selector.readers import Machine, Overrides, guessed_clock, write_machine_file
 from selector.shipped import shipped_models
 from selector.study import DiagnoseSection, diagnose_section
@@ -26,7 +27,9 @@ from selector.workbench.readable import Loaded, Material, as_far_as_readable, in
 from selector.workbench.saved_study import Asked, asked_in, save
 from selector.workbench.study_folder import CYCLE, MACHINE, MACHINE_BEFORE, MODELS, RECORDINGS, SIMULATION, files_in
 
-MODEL_ENDINGS = (".toml", ".fmu")  #: Of models that a diagnosis runs itself.
+#: What files beside recordings are that are no simulated runs: a model that a diagnosis runs itself, and its mesh.
+MODEL_ENDINGS = dict.fromkeys((".toml", ".fmu"), "a model, run by the diagnosis")
+BESIDE = MODEL_ENDINGS | dict.fromkeys(FORMATS, "the mesh of the model")
 
 _COMPARED = {"simulation", "model"}
 
@@ -104,7 +107,7 @@ class Bench:
         """What is asked of a diagnosis; what is compared with is what the study folder holds: runs, or one model."""
         files = self.simulated
         models = [path.name for path in files if path.suffix.lower() in MODEL_ENDINGS]
-        if len(models) == len(files) == 1:
+        if len(models) == 1 and all(path.suffix.lower() in BESIDE for path in files):
             return self._diagnosis.model_copy(update={"model": f"{SIMULATION}/{models[0]}"})
         return self._diagnosis.model_copy(update={"simulation": (SIMULATION,) if files else ()})
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import shutil
 from pathlib import Path
@@ -14,6 +15,7 @@ from selector.readers import machine as machine_file
 from selector.shipped import shipped, shipped_models
 from selector.workbench.bench import Bench
 from selector.workbench.page import PAGES
+from selector.workbench.pages import simulation
 from selector.workbench.server import started
 
 api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
@@ -146,6 +148,8 @@ def test_faults_are_told_first_and_repaired_with_a_click(page, bench, tmp_path):
     tops = [page.get_by_role("heading", name=name).bounding_box()["y"] for name in
             ("What is wrong with the data", "How they were read", "What was recorded")]  # fmt: skip
     assert tops == sorted(tops)
+    # the courses begin with the run in which something is wrong
+    page.locator("#recordings-courses").get_by_text("Run r3").wait_for()
     row = page.locator("table.files tr", has_text="r3.csv")
     assert "fault" in row.inner_text()
     assert "fault" not in page.locator("table.files tr", has_text="r2.csv").inner_text()
@@ -157,6 +161,8 @@ def test_faults_are_told_first_and_repaired_with_a_click(page, bench, tmp_path):
     assert machine_file(bench.folder / "machine.toml").runs["r3"].swap == (("T01", "T30"),)
     assert not machine_file(folder / "machine.toml").runs
     assert "fault" not in row.inner_text()
+    page.locator("#recordings-faults").get_by_text("as the machine file repairs it").wait_for()
+    assert page.locator("#recordings-findings").get_by_text("as the machine file repairs it").count() == 0  # said once
     page.get_by_role("button", name="Take the repair of r3 back").click()
     page.get_by_role("button", name="Repair: exchange T01 and T30 in r3").first.wait_for()
     assert machine_file(bench.folder / "machine.toml").runs == {}
@@ -240,6 +246,30 @@ def test_a_machine_is_picked_and_the_pictures_follow_its_parameters(page, bench)
     page.locator("#simulation-answer").get_by_role("link", name="Recording", exact=True).wait_for()
     assert (bench.folder / "simulated" / "run.csv").is_file()
     assert f"{2 * value:g}" in (bench.folder / "models" / "changed-two-members.toml").read_text()
+
+
+def test_recordings_are_compared_with_the_machine_of_the_page_simulate(page, bench):
+    """A mesh stands beside its model, and both are taken away again."""
+    bench.add(shipped("vmc37") / "r1.csv", machine=shipped("vmc37") / "machine.toml")
+    model = next(one for one in shipped_models("thermal") if one.stem == "c-frame")
+    assert page.locator("#diagnosis-machine").count() == 0
+    bench.choose_simulation(kind="thermal", model=str(model))
+    name = next(name for name in simulation._parameters(bench.simulation) if name.startswith("films."))
+    value = 2 * simulation._parameters(bench.simulation)[name].value
+    bench.choose_simulation(values={name: value})
+    page.locator("#to-diagnosis").click()
+    page.get_by_role("button", name="Compare with c-frame of the page Simulate").click()
+    table = page.locator("#diagnosis-files table")
+    table.get_by_text("the mesh of the model").wait_for()
+    table.get_by_text("a model, run by the diagnosis").wait_for()
+    api.expect(page.locator("#command")).to_contain_text("--model simulation/c-frame.toml")
+    taken = simulation._parameters(dataclasses.replace(bench.simulation, model=str(bench.simulated[1])))
+    assert [path.name for path in bench.simulated] == ["c-frame.msh", "c-frame.toml"]
+    assert taken[name].value == pytest.approx(value, rel=1e-9)  # nine digits are shown
+    for left in (1, 0):
+        page.get_by_role("button", name="Remove").first.click()
+        api.expect(page.get_by_role("button", name="Remove")).to_have_count(left)
+    assert bench.simulated == ()
 
 
 def test_a_stretch_is_marked_in_all_pictures_of_a_diagnosis(page, bench):

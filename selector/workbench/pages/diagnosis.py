@@ -1,5 +1,6 @@
 """Diagnosis: recordings beside a simulation; what it left out, where, how sure that is, and what it is worth."""
 
+from pathlib import Path
 from typing import Any
 
 import dash
@@ -11,9 +12,11 @@ from selector.study import DiagnoseSection
 from selector.telling.diagnosed.account import diagnosis_account
 from selector.telling.diagnosed.document import diagnosis_of
 from selector.workbench import parts, typed
-from selector.workbench.bench import Bench
+from selector.workbench.bench import BESIDE, Bench
 from selector.workbench.boxes import Box, Boxes, several
 from selector.workbench.commands import DIAGNOSIS, diagnosis_arguments
+from selector.workbench.pages import simulation
+from selector.workbench.study_folder import SIMULATION
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "diagnosis", "Diagnosis"
@@ -85,11 +88,18 @@ def register(app: dash.Dash, bench: Bench) -> None:
     @app.callback(Input({"type": f"{ID}-remove", "file": ALL}, "n_clicks"), prevent_initial_call=True)
     def _remove(clicks: list[int | None]) -> None:
         if any(clicks):
-            files = {path.name: path for path in bench.simulated}
-            name = str(dash.ctx.triggered_id["file"])
-            if name in files:
-                files[name].unlink(missing_ok=True)
-                bench.changed()
+            for path in bench.simulated:
+                if path.name == dash.ctx.triggered_id["file"]:
+                    path.unlink(missing_ok=True)
+                    bench.changed()
+            parts.tell(bench)
+
+    @app.callback(Input(f"{ID}-machine", "n_clicks"), prevent_initial_call=True)
+    def _take(clicks: int | None) -> None:
+        if clicks and simulation.command(bench):
+            asked = bench.simulation
+            bench.write_model(f"{SIMULATION}/{Path(asked.model).name}", simulation.model_shown(asked))
+            bench.changed()
             parts.tell(bench)
 
     form = _boxes(bench).register(app, bench)
@@ -97,11 +107,10 @@ def register(app: dash.Dash, bench: Bench) -> None:
         "nothing to compare",
         expected="recordings that can be read, and simulated runs of the same names",
         where=TITLE,
-        advice="load recordings on the first page, and simulated runs here",
+        advice="load recordings on the first page, and simulated runs here, or choose a machine on the page Simulate",
     )
-    parts.register_task(
-        app, bench, parts.Task(ID, TITLE, command, lambda _: DIAGNOSIS, missing, [form], answered=_answered)
-    )
+    task = parts.Task(ID, TITLE, command, lambda _: DIAGNOSIS, missing, [form], answered=_answered)
+    parts.register_task(app, bench, task)
 
 
 def _files(bench: Bench) -> Component:
@@ -109,14 +118,14 @@ def _files(bench: Bench) -> Component:
     runs = {run.name for run in reading.runs} if reading is not None else set()
     rows = []
     for path in bench.simulated:
-        is_model = path.suffix.lower() in (".toml", ".fmu")
-        beside = "a model, run by the diagnosis" if is_model else path.stem if path.stem in runs else "no recording"
+        beside = path.stem if path.stem in runs else BESIDE.get(path.suffix.lower(), "no recording")
         name = {"type": f"{ID}-remove", "file": path.name}
-        rows.append(
-            [path.name, beside, html.Button("Remove", id=name, title=f"Remove {path.name} from the study folder")]
-        )
+        remove = html.Button("Remove", id=name, title=f"Remove {path.name} from the study folder")
+        rows.append([path.name, beside, remove])
     if not rows:
-        return html.P("No simulated runs yet.", className="about")
+        note = html.P("No simulated runs yet. The page Simulate has machines, too.", className="about")
+        take = html.Button(f"Compare with {Path(bench.simulation.model).stem} of the page Simulate", id=f"{ID}-machine")
+        return html.Div([note, take] if simulation.command(bench) else note)
     return parts.table(["simulated", "recorded run", ""], rows, name="files")
 
 

@@ -29,14 +29,9 @@ _KINDS = ("clamp", "slew")
 _WHAT = {SHEET: "commissioning sheet: print it, and follow it at the machine", MODEL: "the model, as exported"}
 _LONGEST_SHOWN = 60_000
 _LEAST_LIMIT, _LARGEST_LIMIT = 1e-6, 999_999.0
-_LIMITS = (
-    "Empty: the number in grey, from the model, or, where nobody has decided it, a cautious one. Turned round: the "
-    "control counts the axis the other way, and its correction is the displacement itself."
-)
-_NO_LIMITS = (
-    "This control has neither limit: limit the temperature that it passes on. Turned round: it counts the axis the "
-    "other way, and its correction is the displacement itself."
-)
+_LIMITS = "Empty: the number in grey, from the model, or, where nobody has decided it, a cautious one. "
+_NO_LIMITS = "This control has neither limit: limit the temperature that it passes on. "
+_TURNED = "Turned round: the control counts the axis the other way, and its correction is the displacement itself."
 _SIGN = (
     "Tick this only after the sign test of the commissioning sheet was passed at the machine: a correction with the "
     "wrong sign doubles the error. Without it the program says SIGN UNVERIFIED."
@@ -206,7 +201,7 @@ def _limits(bench: Bench, outputs: Sequence[Mapping[str, Any]]) -> Component:
         ticked = dcc.Checklist(id=box, options=[{"label": "", "value": "invert"}], value=value)
         shown.append([html.Span(name, className="name"), *cells, ticked])
     columns = ["output", f"{FIELDS['--clamp']} [µm]", f"{FIELDS['--slew']} [µm/s]", FIELDS["--invert"]]
-    note = _LIMITS if has_guard else _NO_LIMITS
+    note = (_LIMITS if has_guard else _NO_LIMITS) + _TURNED
     return html.Div([parts.table(columns, shown, name="channels sensors"), html.P(note, className="about")])
 
 

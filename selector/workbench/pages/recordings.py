@@ -33,6 +33,7 @@ _NOTES = {
     "period_s": "without a time column",
 }  # fmt: skip
 _READING = tuple((name, FIELDS[option_of(name)], note) for name, note in _NOTES.items())
+_REPAIRS = (RUN_REPAIRED, TWO_LOGGERS)
 _GUESS = "* guessed, nobody said it"
 
 
@@ -127,7 +128,8 @@ def register(app: dash.Dash, bench: Bench) -> None:
         if reading is None:
             return (True, None, _way(bench) if bench.loaded else None, None, None, [], None, material.number)
         runs = [one.name for one in reading.runs]
-        others = [one for one in material.findings if not is_fault(one)]
+        others = [one for one in material.findings if not is_fault(one) and one.id not in _REPAIRS]
+        faulty = [one.where.run for one in material.findings if is_fault(one) and one.where.run in runs]
         return (
             False,
             _faults(bench),
@@ -135,7 +137,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
             _channels(rows_of(reading)),
             parts.section("What else was found", parts.remarks(others)) if others else None,
             runs,
-            run if run in runs else runs[0],
+            run if run in runs else [*faulty, *runs][0],
             material.number,
         )
 
@@ -239,7 +241,7 @@ def _faults(bench: Bench) -> Component | None:
     material = bench.material
     reading = material.reading
     positions = {id(one): k for k, one in enumerate(material.findings)}
-    shown = [one for one in material.findings if is_fault(one) or one.id in (RUN_REPAIRED, TWO_LOGGERS)]
+    shown = [one for one in material.findings if is_fault(one) or one.id in _REPAIRS]
     if reading is None or not shown:
         return None
 
@@ -253,9 +255,7 @@ def _faults(bench: Bench) -> Component | None:
 
     repairs = [one for one in shown if is_fault(one) and beside(one)]
     every = [html.Div(button("Make all of these repairs", -1), className="row")] if len(repairs) > 1 else []
-    note = (
-        "Shaded in the curves below. What is left out of a selection is said; the files themselves are never changed."
-    )
+    note = "Shaded in the curves below. What a selection leaves out is said; the files themselves are never changed."
     return parts.section("What is wrong with the data", *every, parts.remarks(shown, beside), note=note)
 
 
@@ -265,9 +265,8 @@ def _repair_text(finding: Finding) -> str:
     if finding.id == RUN_REPAIRED:
         return f"Take the repair of {where.run} back"
     if finding.id == TWO_LOGGERS:
-        return (
-            f"Read these pairs as {len(evidence['beside'])} runs" if len(evidence["beside"]) > 1 else "Read both as one"
-        )
+        n = len(evidence["beside"])
+        return f"Read these pairs as {n} runs" if n > 1 else "Read both as one"
     if "other" in evidence:
         return f"Repair: exchange {where.channel} and {evidence['other']} in {where.run}"
     return f"Repair: read {where.channel} in {where.run} as {evidence['unit']}" if "unit" in evidence else ""
@@ -345,8 +344,7 @@ def _channels(rows: tuple[Row, ...]) -> Component:
     """The table in which roles, units, places and axes are corrected."""
     guessed = {row.name for row in rows if row.guessed or row.reason}
     note = (
-        f"{_GUESS}. Correct what is wrong, then use the corrections: they are written to machine.toml, and the files "
-        "are read again."
+        f"{_GUESS}. Correct what is wrong, then use the corrections: machine.toml is written, and the files read again."
         if guessed
         else "All of it was said by a machine file or by the files themselves."
     )

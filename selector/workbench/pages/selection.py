@@ -105,8 +105,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
     """Options go to the bench as soon as they are changed, so that the command shows them."""
     form = _boxes(bench).register(app, bench)
 
-    missing = no_recordings(TITLE)
-    task = parts.Task(ID, TITLE, command, lambda _: SELECTION, missing, [form], answered=_answered)
+    task = parts.Task(ID, TITLE, command, lambda _: SELECTION, no_recordings(TITLE), [form], answered=_answered)
     parts.register_task(app, bench, task)
 
     # the Sensors page starts it, too, with what is looked at there

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -128,12 +129,13 @@ def _started(bench: Bench) -> tuple[str, ...] | None:
     if asked is not None:
         (bench.folder / SIMULATED).mkdir(exist_ok=True)
         if bench.simulation.values:
-            bench.write_model(asked[2], _changed_model(bench.simulation, bench.simulation.values))
+            bench.write_model(asked[2], model_shown(bench.simulation))
     return asked
 
 
 def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
-    return None if stamp == "0" else parts.section("Written", parts.saved(bench, SIMULATED, _FILES))
+    further = html.P(["Next: ", html.A("what it leaves out of your recordings", href="#diagnosis"), "."])
+    return None if stamp == "0" else parts.section("Written", parts.saved(bench, SIMULATED, _FILES), further)
 
 
 def _rows(bench: Bench) -> Rows:
@@ -147,7 +149,7 @@ def _rows(bench: Bench) -> Rows:
     def choose(columns: dict[str, dict[str, Any]]) -> bool:
         own = {name: one.value for name, one in parameters().items()}
         changed = {name: value for name, value in columns["value"].items() if f"{value:.9g}" != f"{own[name]:.9g}"}
-        _changed_model(bench.simulation, changed)
+        model_shown(replace(bench.simulation, values=changed))
         return bench.choose_simulation(values=changed)
 
     def now(name: str) -> float:
@@ -167,16 +169,16 @@ def _parameters_of(name: str, path: Path, _: int) -> Mapping[str, Parameter]:
     return found
 
 
-def _changed_model(asked: Simulation, values: Mapping[str, float]) -> Any:
-    """The content of the model file with these values. Raises InputError: it cannot have them."""
+def model_shown(asked: Simulation) -> Any:
+    """The content of the model file with the values of the fields. Raises InputError: it cannot have them."""
     kind = simulation_kinds()[asked.kind]
     model = kind.model(kind.read(Path(asked.model)), {})
-    return (model.with_parameters(values) if values else model).file
+    return (model.with_parameters(asked.values) if asked.values else model).file
 
 
 def _simulated(asked: Simulation) -> Account:
     kind = simulation_kinds()[asked.kind]
-    file = _changed_model(asked, asked.values)
+    file = model_shown(asked)
     if kind.columns_needed(file):
         raise OptionError(
             "a model that reads columns of recordings beside it", expected="one that says its run itself",

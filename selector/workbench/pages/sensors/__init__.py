@@ -5,6 +5,7 @@ numbers and the pictures together: the browser asks the server for what changes 
 (``assets/sensors.js``). What the bench changes comes through Dash as on any other page.
 """
 
+from contextlib import suppress
 from typing import Any
 
 import dash
@@ -76,10 +77,7 @@ def layout(bench: Bench) -> Component:
 
 def command(bench: Bench) -> tuple[str, ...] | None:
     """`selector select` that looks only at the λ or the set that is shown."""
-    try:
-        view = _view(bench)
-    except InputError:
-        return None
+    view = _seen(bench)
     if view is None:
         return None
     return ("select", *bench.source_arguments(), *option_arguments(view.options(bench.options)), "--out", SELECTION)
@@ -141,18 +139,19 @@ def register(app: dash.Dash, bench: Bench) -> None:
         except (TypeError, ValueError, OverflowError) as wrong:
             return flask.jsonify({"refused": f"this move cannot be understood: {wrong}"})
 
-    missing = no_recordings(TITLE)
-    parts.register_start(
-        app, bench, ID, parts.Task("selection", "Selection", command, lambda _: SELECTION, missing, forms)
-    )
+    task = parts.Task("selection", "Selection", command, lambda _: SELECTION, no_recordings(TITLE), forms)
+    parts.register_start(app, bench, ID, task)
 
 
 def _group_rows(bench: Bench) -> list[list[object]]:
-    try:
-        view = _view(bench)
-    except InputError:
-        return []
+    view = _seen(bench)
     return [] if view is None else pictures.group_rows(view)
+
+
+def _seen(bench: Bench) -> View | None:
+    with suppress(InputError):
+        return _view(bench)
+    return None
 
 
 def _moved(bench: Bench, asked: Any) -> dict[str, Any]:

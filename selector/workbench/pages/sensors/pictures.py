@@ -93,12 +93,14 @@ def moved(view: View, pins: Pins) -> dict[str, list[tuple[tuple[str | int, ...],
 def titles(view: View) -> dict[str, str]:
     """What every picture says now, as text that is no markup."""
     kind = KINDS[view.exploration.parts]
+    left = set(view.exploration.folds.runs.runs) - {one.name for one in _runs(view)} if kind == "runs" else ()
+    without = f"; not {style.listed(sorted(left))}, where a sensor is missing" if left else ""
     said = {
         "tree": tree_title(_cut(view)),
         "machine": f"{len(view.fixed.sensors)} of {len(view.exploration.available)} sensors: "
         + style.listed(view.fixed.sensors),
         "sets": f"{style.label(view.response)}: error of sets on left-out {kind}",
-        "runs": run_errors_title(view.response, _runs(view), kind),
+        "runs": run_errors_title(view.response, _runs(view), kind) + without,
     }
     return {name: html.unescape(title) for name, title in said.items()}
 
