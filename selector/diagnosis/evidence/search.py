@@ -336,15 +336,13 @@ def _left(bench: Bench, chosen: list[int]) -> Vector:
 
 def _selected(benches: Benches, given: _Given) -> Named:
     named: Named = {}
-    # a shape is not exact where it shows: how clear it is in one response bears on no other, but for those of a loop
+    # no shape is quite exact: how clear an effect is bears on all that moves with it, and on faults of its channels
     floor, clearest = dict.fromkeys(benches, 0.0), 0.0
     for _ in range(_MOST):
         supported = [
             one
             for one in given.standings(benches, named).values()
-            if given.supports(one)
-            and (one.score > clearest or not one.id.startswith("drive."))
-            and any(one.tested[name].evidence > floor[name] for name in one.responses)
+            if given.supports(one) and (_is_clear(one, floor) if one.id.startswith("data.") else one.score > clearest)
         ]
         if not supported:
             break
@@ -356,6 +354,10 @@ def _selected(benches: Benches, given: _Given) -> Named:
         if best.id not in named:
             break
     return named
+
+
+def _is_clear(one: Standing, floor: Mapping[str, float]) -> bool:
+    return any(one.tested[name].evidence > floor[name] for name in one.responses)
 
 
 def _selected_by_size(benches: Benches, given: _Given) -> tuple[Named, Named]:
