@@ -336,13 +336,13 @@ def _left(bench: Bench, chosen: list[int]) -> Vector:
 
 def _selected(benches: Benches, given: _Given) -> Named:
     named: Named = {}
-    # no shape is quite exact: how clear an effect is bears on all that moves with it, and on faults of its channels
+    # no shape is quite exact
     floor, clearest = dict.fromkeys(benches, 0.0), 0.0
     for _ in range(_MOST):
         supported = [
             one
             for one in given.standings(benches, named).values()
-            if given.supports(one) and (_is_clear(one, floor) if one.id.startswith("data.") else one.score > clearest)
+            if given.supports(one) and (one.score > clearest or _is_clear(one, floor, benches))
         ]
         if not supported:
             break
@@ -356,8 +356,11 @@ def _selected(benches: Benches, given: _Given) -> Named:
     return named
 
 
-def _is_clear(one: Standing, floor: Mapping[str, float]) -> bool:
-    return any(one.tested[name].evidence > floor[name] for name in one.responses)
+def _is_clear(one: Standing, floor: Mapping[str, float], benches: Benches) -> bool:
+    """Whether a fault is clear beside what its own channels show: not of those that a loop or a structure moves."""
+    families = {candidate.effect.family for name in one.responses for candidate in benches[name].candidates}
+    is_apart = one.id.startswith("data.") and families.isdisjoint(("drive", "vibration"))
+    return is_apart and all(one.tested[name].evidence > floor[name] for name in one.responses)
 
 
 def _selected_by_size(benches: Benches, given: _Given) -> tuple[Named, Named]:
