@@ -58,8 +58,9 @@ class FittedTable(Table):
 
 
 def _shorten(column: Column, texts: list[str]) -> None:
-    """Texts without a middle in place of its own, where cells that differ still do."""
-    if column.justify != "right" and len(set(texts)) == len(set(map(str, column.cells))):
+    """Texts without a middle in place of its own, where cells that differ still do, and none says what is so."""
+    cells = set(map(str, column.cells))
+    if column.justify != "right" and len(set(texts)) == len(cells) and not any(": " in cell for cell in cells):
         column._cells = [Text(text) for text in texts]
 
 

@@ -336,7 +336,6 @@ def _left(bench: Bench, chosen: list[int]) -> Vector:
 
 def _selected(benches: Benches, given: _Given) -> Named:
     named: Named = {}
-    # no shape is quite exact
     floor, clearest = dict.fromkeys(benches, 0.0), 0.0
     for _ in range(_MOST):
         supported = [

@@ -144,7 +144,7 @@ def _followed(
         # a command is followed, not led: that tells which sign the error has
         sign = -1.0 if float(error @ speed) > 0.0 else 1.0
         return command + sign * error, (errors[0].name,)
-    if position is not None:
+    if position is not None and behind is not None:
         place = _values(comparison, position)
         if position in comparison.simulated or _window(comparison, place) < _longest_window(comparison, place):
             return place, (position,)
