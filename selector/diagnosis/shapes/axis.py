@@ -16,7 +16,7 @@ from selector.types import Vector
 NOISE_SHARE = 0.02  #: Noise that smoothing may leave in an acceleration, as a share of its root mean square.
 LONGEST_SMOOTHING_S = 0.06
 MOVING_SHARE = 0.002  #: Below this share of the largest speed an axis counts as standing, unless noise asks for more.
-_FAR = 5.0  #: Times.
+_FAR = 5.0  #: Times a displacement by which a position is behind its command, where that is not the following error.
 _AGREES = 0.5  #: Correlation of the ways from sample to sample by a position and by a speed.
 UM = 1e-6
 

@@ -72,12 +72,10 @@ def _variant(comparison: Comparison, name: str, heats: list[tuple[str, np.ndarra
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    known, lack = (
-        sources(comparison, response),
-        "no state, flow or temperature of the coolant that changes was recorded",
-    )
-    is_there = known.coolant_switches or known.coolant_temperatures
-    return lacking(comparison, response) or (None if is_there else lack)
+    lack, known = lacking(comparison, response), sources(comparison, response)
+    if lack or known.coolant_switches or known.coolant_temperatures:
+        return lack
+    return "no state, flow or temperature of the coolant that changes was recorded"
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

@@ -19,8 +19,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    is_there = sources(comparison, response).spindle is not None
-    return lacking(comparison, response) or (None if is_there else "no spindle speed that changes was recorded")
+    lack = "no spindle speed that changes was recorded"
+    return lacking(comparison, response) or (lack if sources(comparison, response).spindle is None else None)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

@@ -35,9 +35,10 @@ def _variant(comparison: Comparison, pair: tuple[str, str], product: Vector, uni
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lack = "no temperature of the machine that moves was recorded, and the simulated course stands still"
-    is_there = sources(comparison, response).machine or excited(simulated_rise(comparison, response))
-    return lacking(comparison, response) or (None if is_there else lack)
+    lack = lacking(comparison, response)
+    if lack or sources(comparison, response).machine or excited(simulated_rise(comparison, response)):
+        return lack
+    return "no temperature of the machine that moves was recorded, and the simulated course stands still"
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
