@@ -46,7 +46,7 @@ _TIME = re.compile(
     rf"|{_NOON}?\s?{_CLOCK}\s?{_NOON}?\s?{_ZONE}?|\d{{1,2}}时\d{{1,2}}分(?:\d{{1,2}}秒)?|(?:\d+\s?d(?:ays?)?,?\s)?{_CLOCK})",
     re.IGNORECASE,
 )
-_WITH_UNIT = re.compile(r"([+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-][^\d,;]{0,11})")
+_WITH_UNIT = re.compile(r"([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-][^\d,;]{0,11})")
 
 
 def is_number(text: str, decimal: str) -> bool:
