@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from selector.findings import Finding
+from selector.quality.bridging import bridged
 from selector.quality.broken_sensors import broken_sensors, frozen, out_of_range
 from selector.quality.completeness import (
     clock_jumps,
@@ -29,7 +30,7 @@ from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units
 from selector.recording import Recording
 
-__all__ = ["StreamWithoutFaults", "file_copies", "inspect", "stretches", "without_faults"]
+__all__ = ["StreamWithoutFaults", "bridged", "file_copies", "inspect", "stretches", "without_faults"]
 
 Check = Callable[[Survey], Iterator[Finding]]
 

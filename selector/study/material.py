@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from selector.findings import Finding, Where
-from selector.quality import StreamWithoutFaults, file_copies, inspect, without_faults
+from selector.quality import StreamWithoutFaults, bridged, file_copies, inspect, without_faults
 from selector.readers import Overrides, Reading, is_large, machine, read, stream_parquet
 from selector.readers.files import recording_files
 from selector.readers.finding_table import FILES_SKIPPED, FINDINGS
@@ -44,10 +44,10 @@ def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Over
     reading = read(runs, machine=machine_file, overrides=overrides)
     faults = inspect(reading.recording)
     copies = tuple(file_copies(reading.origins))
-    recording = without_faults(reading.recording, (*faults, *copies))
+    recording, lost = bridged(without_faults(reading.recording, (*faults, *copies)))
     return Material(
         recording,
-        without_folders((*reading.findings, *copies, *faults)),
+        without_folders((*reading.findings, *copies, *faults, *lost)),
         provenance_of(reading),
         {**reading.description(), "drift": drift_of(recording)},
         reading.files,

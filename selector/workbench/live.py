@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 from selector.errors import InputError
 from selector.findings import Finding
 from selector.models.least_squares import FaultGain
-from selector.quality import file_copies, without_faults
+from selector.quality import bridged, file_copies, without_faults
 from selector.readers import Reading
 from selector.selection import Exploration, Options
 from selector.selection.exploration import Cut, FixedSet, plain_level
@@ -173,7 +173,7 @@ class Live:
 
 def _explored(reading: Reading, options: Options, faults: Sequence[Finding]) -> Exploration:
     copies = tuple(file_copies(reading.origins))
-    found = Exploration.of(without_faults(reading.recording, (*faults, *copies)), options)
+    found = Exploration.of(bridged(without_faults(reading.recording, (*faults, *copies)))[0], options)
     # the first search loads its compiled kernels
     found.cut(found.grouping.chosen.level)
     return found
