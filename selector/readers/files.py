@@ -161,7 +161,7 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
         )
     if not skipped:
         return files, []
-    told = f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their names and were skipped: "
+    told = f"In {folder.resolve().name}/ {len(skipped)} file(s) are no recordings by their names and were skipped: "
     told += f"{listed(skipped, 6)}."
     return files, [FINDINGS.finding("files-skipped", told, Where(file=str(folder)), {"files": skipped[:50]})]
 
