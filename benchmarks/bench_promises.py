@@ -64,7 +64,7 @@ def realisations() -> Callable[[], object]:
 def lathe() -> Callable[[], object]:
     model = vibration_model(read_model_file(FIXTURES / "vibration" / "lathe.toml"))
     stiffness = iter(np.linspace(0.1, 0.3, 1000))
-    return lambda: model.with_parameters({"joints.1.dissipation": float(next(stiffness))}).simulate()
+    return lambda: model.with_parameters({"joints.1.dissipation": float(next(stiffness))}).simulation()
 
 
 def shift_of_the_machine() -> Callable[[], object]:

@@ -32,9 +32,9 @@ from selector.selection.options import question_of
 from selector.selection.proving import Folds, blocks_per_run
 from selector.selection.survey import RunsOf, survey
 from selector.workbench.bench import Bench
+from selector.workbench.pages.sensors.pictures import NAMES
 from selector.workbench.server import started
 
-PICTURES = ("tree", "machine", "sets", "runs", "coefficients", "faults")
 WATCH = """(names) => {
   window.seen = { text: 0, drawn: {} };
   new MutationObserver(() => requestAnimationFrame(() => setTimeout(() => { window.seen.text = performance.now(); })))
@@ -80,7 +80,7 @@ def written(source: Recording, folder: Path) -> list[Path]:
 
 def moves(page: Page, n: int) -> list[dict[str, float]]:
     """What each of `n` steps of the slider took [ms]; a step of λ that was not seen before each, then back."""
-    page.evaluate(WATCH, list(PICTURES))
+    page.evaluate(WATCH, list(NAMES))
     slider = page.locator("#sensors-slider")
     slider.focus()
     page.keyboard.press("Home")
@@ -106,7 +106,7 @@ def baseline(source: Recording, level: float) -> None:
     folds = Folds(found.question, runs, datum, blocks_per_run(len(found.runs), found.n_samples))
     bench = folds.linear_bench(None)
     groups = candidates(found.question, bench)
-    trial = tested(found.question, groups, bench, [LINEAR], []).choice("linear").trial
+    trial = tested(found.question, groups, bench, [LINEAR], []).choice(("linear", found.question.max_sensors)).trial
     recipe = Recipe.of(found.question, datum, trial.set.sensors, trial.shape)
     rows = rows_of(runs, recipe.design, found.runs)
     for model in final_models(recipe, rows).values():
@@ -140,7 +140,7 @@ def main() -> None:
         page.goto(server.access.address)
         page.locator("#to-sensors").click()
         page.locator("#sensors-facts dd").first.wait_for()
-        for name in PICTURES:
+        for name in NAMES:
             page.locator(f"#sensors-{name} .main-svg").first.wait_for()
         page.wait_for_timeout(2000)
         load = os.getloadavg()[0]
@@ -151,7 +151,7 @@ def main() -> None:
     for key, text in (
         ("request", "request, server included"),
         ("text", "key → numbers, groups and pictures in sight painted"),
-        ("all", f"key → the last of the {len(PICTURES)} pictures drawn"),
+        ("all", f"key → the last of the {len(NAMES)} pictures drawn"),
     ):
         print(f"{text}: {quantiles([one[key] for one in found])}")
     print(f"answer: {statistics.median(one['bytes'] for one in found) / 1000:.0f} kB")
