@@ -4,14 +4,13 @@ import numpy as np
 import pandas as pd
 
 from selector.findings import Finding, Where
+from selector.quality.completeness import GAP_PERIODS
 from selector.quality.finding_table import FINDINGS
 from selector.recording import SENSOR_ROLES, Recording
 from selector.types import Array
 
-MOST_IN_A_ROW = 2  #: Rows without a reading that are bridged; what is longer may hide what the machine did.
 MOST_LOST = 0.1  #: A sensor that loses a larger share of its readings is not to be trusted with the others.
 FEW_LOST = 0.01  #: Below this share nobody needs to know.
-_GAP_PERIODS = 3.5  #: So many usual sampling periods between two readings are no pause of the recording.
 _AT_START = 3  #: Readings through which a line is drawn back to the start of a run.
 
 
@@ -22,37 +21,40 @@ def bridged(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
     that through the three readings that follow; longer gaps, gaps at an end, and sensors that lose more than a tenth of
     their readings stay as they are. O(samples).
     """
-    lost = recording.frame.isna().to_numpy()
+    frame, lost = recording.frame, recording.frame.isna().to_numpy()
     share = lost.mean(axis=0)
-    bridgeable = [c.role in SENSOR_ROLES and 0.0 < share[k] <= MOST_LOST for k, c in enumerate(recording.channels)]
-    if not any(bridgeable):
+    few = [k for k, one in enumerate(recording.channels) if one.role in SENSOR_ROLES and 0.0 < share[k] <= MOST_LOST]
+    if not few:
         return recording, ()
-    values, findings = recording.frame.to_numpy(copy=True), []
-    time_s = recording.frame.index.get_level_values(1).to_numpy()
-    runs = recording.frame.groupby(level=0, sort=False).indices.values()
-    for column in np.flatnonzero(bridgeable):
-        for rows in runs:
-            values[rows, column] = _filled(time_s[rows], values[rows, column])
-        found, name = float(np.mean(lost[:, column] & np.isfinite(values[:, column]))), recording.names[column]
-        if found > FEW_LOST:
-            told = f"{name} has lost {100 * found:.0f} % of its readings, at most {MOST_IN_A_ROW} in a row."
-            findings.append(FINDINGS.finding("readings-lost", told, Where(name), {"share": found}))
-    whole = pd.DataFrame(values, index=recording.frame.index, columns=recording.frame.columns)
-    return recording.with_values(whole), tuple(findings)
+    values, time_s = frame.to_numpy(copy=True), frame.index.get_level_values(1).to_numpy()
+    for rows in frame.groupby(level=0, sort=False).indices.values():
+        for k in few:
+            values[rows, k] = _filled(time_s[rows], values[rows, k])
+    found = (lost & np.isfinite(values)).mean(axis=0)
+    findings = [
+        FINDINGS.finding(
+            "readings-lost",
+            f"{name} has lost {100 * found[k]:.0f} % of its readings, one or two in a row.",
+            Where(name),
+            {"share": float(found[k])},
+        )
+        for k, name in enumerate(recording.names)
+        if found[k] > FEW_LOST
+    ]
+    return recording.with_values(pd.DataFrame(values, index=frame.index, columns=frame.columns)), tuple(findings)
 
 
 def _filled(time_s: Array, values: Array) -> Array:
-    at = np.flatnonzero(np.isfinite(values))
-    if len(at) <= _AT_START:
+    known = np.isfinite(values)
+    at_s, readings = time_s[known], values[known]
+    if len(at_s) <= _AT_START:
         return values
-    found = values.copy()
-    steps, usual_s = np.diff(at), float(np.median(np.diff(time_s)))
-    is_short = (steps > 1) & (steps <= MOST_IN_A_ROW + 1) & (np.diff(time_s[at]) <= _GAP_PERIODS * usual_s)
-    for k in np.flatnonzero(is_short):
-        rows = slice(at[k] + 1, at[k + 1])
-        found[rows] = np.interp(time_s[rows], time_s[at[k : k + 2]], values[at[k : k + 2]])
-    first = at[:_AT_START]
-    if 0 < first[0] <= MOST_IN_A_ROW and time_s[first[-1]] - time_s[0] <= (first[0] + _GAP_PERIODS) * usual_s:
-        line = np.polynomial.Polynomial.fit(time_s[first], values[first], 1)
-        found[: first[0]] = line(time_s[: first[0]])
+    longest_s = GAP_PERIODS * float(np.median(np.diff(time_s)))
+    between = np.interp(time_s, at_s, readings, left=np.nan, right=np.nan)
+    after = np.clip(np.searchsorted(at_s, time_s), 1, len(at_s) - 1)
+    found = np.where(known | (np.diff(at_s)[after - 1] <= longest_s), between, np.nan)
+    before, first = time_s < at_s[0], slice(_AT_START)
+    # two rows at most, as between two readings
+    if before.sum() < GAP_PERIODS - 1.0 and at_s[_AT_START - 1] - time_s[0] <= 2.0 * longest_s:
+        found[before] = np.polynomial.Polynomial.fit(at_s[first], readings[first], 1)(time_s[before])
     return found

@@ -161,7 +161,7 @@ def file_copies(origins: Mapping[str, tuple[str, str]]) -> Iterator[Finding]:
             yield FINDINGS.finding("same-file-twice", told, Where(run=run), evidence, action="leave-out-run")
 
 
-_GAP_PERIODS = 3.5  #: A distance of more than so many usual ones is a gap; two lost rows in a row are none.
+GAP_PERIODS = 3.5  #: A distance of more than so many usual ones is a gap; two lost rows in a row are none.
 _LONG_PERIODS = 20  #: A gap of so many periods is a warning, a shorter one is only mentioned.
 _CLOCK_PERIODS = 10
 _REACH = 8  #: Samples on each side of a leap from which it is judged whether a channel goes on as before.
@@ -222,7 +222,7 @@ def _gaps_of(time: Floats, run: str) -> Iterator[Finding]:
         return
     usual = float(np.median(steps))
     # of irregular sampling the long distances are part
-    limit = max(_GAP_PERIODS * usual, 2.0 * float(np.quantile(steps, 0.95)) if steps.size >= 40 else 0.0)
+    limit = max(GAP_PERIODS * usual, 2.0 * float(np.quantile(steps, 0.95)) if steps.size >= 40 else 0.0)
     long = np.flatnonzero(steps > limit)
     if long.size == 0:
         return
