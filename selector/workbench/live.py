@@ -77,6 +77,7 @@ class View:
     is_taken: bool  #: Whether it was taken by hand
     response: str
     target_um: float | None = None  #: The error that is to be reached
+    looks: int = 0  #: How often it had been looked elsewhere before
 
     @property
     def step(self) -> int:
@@ -108,7 +109,7 @@ class Live:
         self._level: float | None = None
         self._taken: tuple[str, ...] = ()
         self._response: str | None = None
-        self.looks = 0  #: How often it was looked elsewhere
+        self._looks = 0
 
     def exploration(
         self, number: int, reading: Reading | None, options: Options, faults: Sequence[Finding] = ()
@@ -150,7 +151,7 @@ class Live:
             cut = exploration.cut(level)
             taken = tuple(name for name in self._taken if name in exploration.available)
             fixed = exploration.fixed(taken or cut.taken)
-            return View(exploration, level, cut, fixed, bool(taken), response, asked.target)
+            return View(exploration, level, cut, fixed, bool(taken), response, asked.target, self._looks)
 
     def asked(self, options: Options) -> Options:
         """What a selection of what is looked at now asks; the options where nothing is."""
@@ -162,7 +163,7 @@ class Live:
     ) -> None:
         """Looks at another λ (which lets a taken set go), another set (none: that of the cut), another displacement."""
         with self._lock:
-            self.looks += 1
+            self._looks += 1
             if level is not None:
                 self._level, self._taken = level, ()
             if taken is not None:

@@ -99,6 +99,19 @@ def test_a_set_is_taken_and_let_go(client, bench):
     assert move(client, response="Y")["response"] == "Y"
 
 
+def test_what_is_told_counts_as_of_the_look_that_it_shows(client, bench, monkeypatch):
+    ready(bench)
+    before, command = move(client, step=1)["looks"], sensors.command
+
+    def looked_elsewhere_meanwhile(of):
+        of.live.look_at(response="Y")
+        return command(of)
+
+    monkeypatch.setattr(sensors, "command", looked_elsewhere_meanwhile)
+    # else the page would take old pictures for new ones, and not ask again
+    assert move(client, step=2)["looks"] == before + 1
+
+
 @pytest.mark.parametrize(
     ("asked", "said"),
     [

@@ -202,7 +202,7 @@ def _told(bench: Bench, view: View) -> dict[str, Any]:
     """What the page says, pictures excepted."""
     asked = command(bench)
     return {
-        "looks": bench.live.looks,
+        "looks": view.looks,
         "step": view.step,
         "last": len(view.exploration.steps) - 1,
         "level": view.level,
