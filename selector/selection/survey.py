@@ -194,16 +194,11 @@ class RunsOf:
 
     def __init__(self, source: RunSource, runs: Sequence[str]) -> None:
         self._source = source
-        self._runs = tuple(runs)
+        self.runs = tuple(runs)  #: The runs kept
         self.channels = source.channels
         self.chunks = source.chunks
         self.provenance = getattr(source, "provenance", {})
         self.follows = getattr(source, "follows", {})
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        """The runs kept."""
-        return self._runs
 
 
 def survey(source: RunSource, question: Question, datum: Datum, found_before: Iterable[Finding] = ()) -> Survey:

@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 import pandas as pd
@@ -65,11 +65,7 @@ class OwnModel:
     recording: Recording  #: The runs that drive it
     columns: Columns = field(default_factory=dict)  #: Values of the columns of files beside it that it refers to
     step_s: float | None = None  #: Longest internal step of a network or field of heat [s]; default: that of its file
-
-    @property
-    def mode(self) -> Mode:
-        """C."""
-        return "C"
+    mode: ClassVar[Mode] = "C"
 
     @property
     def name(self) -> str:
@@ -164,11 +160,7 @@ class FunctionModel:
     function: Callable[[Mapping[str, float]], Mapping[str, pd.DataFrame]]
     parameters: Mapping[str, Parameter]  #: Value, bounds and unit of everything that may be set; every one is refitted
     recording: Recording  #: The runs that are simulated; says the roles and units of the channels
-
-    @property
-    def mode(self) -> Mode:
-        """B."""
-        return "B"
+    mode: ClassVar[Mode] = "B"
 
     @property
     def refitted(self) -> tuple[str, ...]:
@@ -272,11 +264,7 @@ class FmuModel:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     recording: Recording
-
-    @property
-    def mode(self) -> Mode:
-        """B."""
-        return "B"
+    mode: ClassVar[Mode] = "B"
 
     @property
     def refitted(self) -> tuple[str, ...]:
