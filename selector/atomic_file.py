@@ -15,10 +15,14 @@ from selector.errors import OptionError
 def write_whole(path: Path, content: bytes) -> None:
     """Write `content` to `path`; a reader sees the old file or the new one, never a part.
 
-    The new file is made beside the old one and then takes its name, in one step. Folders that are missing are made.
+    The new file is made beside the old one and then takes its name, in one step. Folders that are missing are made. A
+    path behind a URL (`selector.fleet.places.UrlPath`) has its own way, as a server of objects shows what is put whole.
 
     Raises OptionError: nothing can be written there; the old file is untouched.
     """
+    if (put_whole := getattr(path, "put_whole", None)) is not None:
+        put_whole(content)
+        return
     draft = path.with_name(f".{path.name[:60]}.{secrets.token_hex(8)}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

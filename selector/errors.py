@@ -11,6 +11,7 @@
         │   └── NotExecutableError  what runs a program (a compiler, a control) is not on this machine
         ├── ModelFileError      a model file does not follow its schema
         ├── ResultError         a result on disk does not follow its contract
+        ├── StorageError        where results are kept cannot be reached
         └── StudyError          a study file does not follow its schema, or its recordings are no longer those it names
     CancelledError              the user stopped long work; nothing was written
 
@@ -88,6 +89,10 @@ class ModelFileError(InputError):
 
 class ResultError(InputError):
     """A result on disk, such as selection.json, does not follow its contract."""
+
+
+class StorageError(InputError):
+    """Where results are kept cannot be reached, or refuses them."""
 
 
 class StudyError(InputError):

@@ -422,7 +422,7 @@ def read_model(path: str | Path, *, is_changed: bool = False) -> ModelFile:
     Raises ModelFileError: the file cannot be read, is too large, is cut off, is of another version, does not follow the
     schema or is not what its digest says; the message has the JSON path and the value.
     """
-    place = Path(path)
+    place = Path(path) if isinstance(path, str) else path
 
     def refused(found: str) -> ModelFileError:
         return ModelFileError(
@@ -494,7 +494,7 @@ def _digest(content: Mapping[str, Any]) -> str:
 
 def write_model(model: ModelFile, path: str | Path) -> None:
     """Write a model file, whole or not at all. Raises OptionError: nothing can be written at this path."""
-    write_whole(Path(path), model_text(model).encode("utf-8"))
+    write_whole(Path(path) if isinstance(path, str) else path, model_text(model).encode("utf-8"))
 
 
 def model_sha256(model: ModelFile) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from selector.errors import StudyError
-from selector.fleet.places import found_by, is_pattern, is_url, last_part, may_hold_recordings
+from selector.fleet.places import found_by, is_pattern, is_url, last_part, may_hold_recordings, results_at
 from selector.study.asked import options_of
 from selector.study.inputs import path_at
 from selector.study.study_file import (
@@ -67,7 +67,7 @@ class Fleet:
     """Many machines and the question that each is asked."""
 
     place: Path  #: The fleet file
-    results: Path  #: Folder of the answers
+    results: Path  #: Folder of the answers, or what does as one behind a URL
     time_limit_s: float  #: Of one study [s]
     studies: Mapping[str, Study]  #: Machine → what is asked of which recordings; paths are absolute, or URLs
 
@@ -81,9 +81,6 @@ def read_fleet(path: str | Path) -> Fleet:
     text = text_of(place, LARGEST_FILE_BYTES, lambda found: _unusable(found, str(place), "check the path"))
     where = str(place)
     said = checked(FleetFile, study_sections(text, "[machines] and [select]", where), where, _PAGE)
-    if is_url(said.results):
-        advice = "name a folder, which may be one of a server"
-        raise _unusable(f"results = {said.results!r}", f"{where}, key results", advice)
     # what is wrong for all is told before the start, what is wrong for one is told of that one
     options_of(Study(recordings=Recordings(runs=(".",)), select=said.select), where=where)
     studies: dict[str, Study] = {}
@@ -93,15 +90,15 @@ def read_fleet(path: str | Path) -> Fleet:
         studies[name] = _study(said, section, place, f"{where}, machine {name}")
     if not studies:
         raise _unusable("no machine", where, 'add folders = ["plant/*"], or a table [machines] with name = "folder"')
-    return Fleet(place, path_at(said.results, place.parent), said.time_limit_s, studies)
+    return Fleet(place, results_at(said.results, place.parent), said.time_limit_s, studies)
 
 
 def _machines(said: FleetFile, place: Path) -> Iterator[tuple[str, MachineSection]]:
     for pattern in said.folders:
         found = [_at(pattern, place)]
         if is_pattern(found[0]):
-            own = path_at(said.results, place.parent)
-            found = [one for one in found_by(found[0]) if may_hold_recordings(one) and Path(one) != own]
+            own = _at(said.results, place).rstrip("/")
+            found = [one for one in found_by(found[0]) if may_hold_recordings(one) and one.rstrip("/") != own]
         if not found:
             raise _unusable(f"nothing that {pattern!r} fits", f"{place}, key folders", "correct the pattern")
         yield from ((last_part(one) or one, MachineSection(runs=(one,))) for one in found)

@@ -18,7 +18,7 @@ from selector import __version__
 from selector.atomic_file import is_full, write_whole
 from selector.controllers.from_selection import model_file_of
 from selector.controllers.model_file import write_model
-from selector.errors import CancelledError, InputError, ReadError, StudyError
+from selector.errors import CancelledError, InputError, ReadError, StorageError, StudyError
 from selector.fleet.places import is_url, local_recordings
 from selector.json_text import json_text
 from selector.readers.files import recording_files
@@ -65,7 +65,7 @@ class Answer(Document):
     refit: Refit | None = None  #: None, and not in the document: no new model was tried
     #: SHA-256 of a recording on which the model in use was compared → key of the other model, or its own where it won
     judged: dict[str, str] = Field(default_factory=dict)
-    is_unkept: bool = Field(default=False, exclude=True)  #: A disk was full: that is no fault of the machine
+    is_unkept: bool = Field(default=False, exclude=True)  #: Nothing can be kept: that is no fault of the machine
 
     @model_serializer(mode="wrap")
     def _without_refit(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -125,7 +125,7 @@ def answered(task: Task) -> Answer:
             )
         return _answered(task, start, key.append)
     except (InputError, CancelledError) as error:
-        said, is_unkept = str(error), is_full(error)
+        said, is_unkept = str(error), is_full(error) or isinstance(error, StorageError)
     except MemoryError as error:
         said, is_unkept = f"memory ran out ({error}): use fewer processes, or store the recordings as Parquet", False
     except Exception as error:

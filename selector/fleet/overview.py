@@ -31,7 +31,7 @@ def overview(results: Path, answer: FleetAnswer) -> Overview:
     single: list[str] = []
     for name, one in answer.machines.items():
         try:
-            told = json.loads((results / str(one.key) / "selection.json").read_text(encoding="utf-8"))
+            told = json.loads((results / str(one.key) / "selection.json").read_bytes())
             runs = {response: model["per_run"].values() for response, model in told["models"].items()}
             by_run[name] = {
                 response: tuple(float(error) for run in of if (error := run.get("heldout_rmse_um")))

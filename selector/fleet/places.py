@@ -1,15 +1,25 @@
-"""Where recordings lie: folders, patterns, and URLs of anything that fsspec reaches."""
+"""Where recordings and results lie: folders, patterns, and URLs of anything that fsspec reaches."""
 
+import errno
 import glob
+import io
+import re
+import secrets
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
-from selector.errors import OptionError, ReadError, SelectorError
+from selector.atomic_file import require_writable_folder
+from selector.errors import InputError, OptionError, ReadError, SelectorError, StorageError
 from selector.number_text import natural_key
 from selector.readers.files import MACHINE_FILE, has_name_of_recording
+from selector.study.inputs import path_at
 from selector.study.study_file import Recordings
+
+_PUTTING = Lock()  #: What a transaction of fsspec puts is that of all threads.
 
 
 def is_url(reference: str) -> bool:
@@ -37,7 +47,7 @@ def may_hold_recordings(reference: str) -> bool:
 def found_by(pattern: str) -> list[str]:
     """What a pattern fits, in natural order; hidden files and those of unfinished writing are none of it."""
     if is_url(pattern):
-        with _readable(pattern):
+        with _answering(pattern):
             system, path = _reached(pattern)
             found = [system.unstrip_protocol(one) for one in system.glob(path)]
     else:
@@ -70,7 +80,7 @@ def local_recordings(recordings: Recordings, folder: Path) -> tuple[list[Path], 
 
 def _brought(url: str, folder: Path) -> Path:
     """The file of a URL, or the folder with its recordings and its machine file."""
-    with _readable(url):
+    with _answering(url):
         system, path = _reached(url)
         # the folder keeps its name, by which runs of one name are told apart
         target = folder / path.rstrip("/").rpartition("/")[2]
@@ -86,17 +96,96 @@ def _brought(url: str, folder: Path) -> Path:
         return target
 
 
+class UrlPath:
+    """A file or folder behind a URL: as much of a Path as results need of one.
+
+    Raises FileNotFoundError: there is no such file. Raises StorageError: anything else that a server says.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+
+    def __truediv__(self, name: str) -> "UrlPath":
+        return UrlPath(f"{self._url.rstrip('/')}/{name}")
+
+    def __str__(self) -> str:
+        return _without_password(self._url)
+
+    def is_file(self) -> bool:
+        """Whether there is such a file; fsspec's own answer is no where a server does not answer."""
+        try:
+            return bool(self._asked("info")["type"] == "file")
+        except FileNotFoundError:
+            return False
+
+    exists = is_file
+
+    def read_bytes(self) -> bytes:
+        """All of the file."""
+        return bytes(self._asked("cat_file"))
+
+    def open(self, mode: str) -> io.BytesIO:
+        """The file to be read, all of it at once: results are small."""
+        return io.BytesIO(self.read_bytes())
+
+    def put_whole(self, content: bytes) -> None:
+        """Put a file there, of which others see all or nothing; folders that are missing are made."""
+        with _PUTTING, _answering(self._url, StorageError):
+            system, path = _reached(self._url)
+            system.makedirs(path.rpartition("/")[0], exist_ok=True)
+            # a server of folders writes beside the file and renames; one of objects has nothing to add
+            with system.transaction:
+                system.pipe_file(path, content)
+
+    def require_writable(self) -> None:
+        """Finds out before long work whether files can be put here and removed."""
+        trial = self / f".{secrets.token_hex(8)}.part"
+        trial.put_whole(b"trial")
+        trial._asked("rm_file")
+
+    def _asked(self, what: str) -> Any:
+        try:
+            with _answering(self._url, StorageError):
+                system, path = _reached(self._url)
+                return getattr(system, what)(path)
+        except StorageError as error:
+            if _is_missing(error.__cause__):
+                raise FileNotFoundError(errno.ENOENT, "no such file", str(self)) from error
+            raise
+
+
+def results_at(reference: str, folder: Path) -> Path:
+    """The place of results: a folder of this computer, relative to `folder`, or what does as one behind a URL."""
+    behind: Any = UrlPath(reference)
+    return behind if is_url(reference) else path_at(reference, folder)
+
+
+def require_writable_results(results: Path) -> None:
+    """Finds out before long work whether results can be kept. Raises OptionError, StorageError: they cannot."""
+    (getattr(results, "require_writable", None) or partial(require_writable_folder, results, "results"))()
+
+
+def _is_missing(error: object) -> bool:
+    """Whether an error says that there is no such file; that of some servers is no FileNotFoundError."""
+    return isinstance(error, FileNotFoundError) or getattr(error, "errno", None) == errno.ENOENT
+
+
+def _without_password(url: str) -> str:
+    return re.sub(r"(?<=://)[^/@]*@", "…@", url)
+
+
 @contextmanager
-def _readable(url: str) -> Iterator[None]:
+def _answering(url: str, kind: type[InputError] = ReadError) -> Iterator[None]:
+    """What a server says instead of an answer, as an error of this kind."""
     try:
         yield
     except SelectorError:
         raise
     except Exception as error:  # each kind of server has errors of its own
-        raise ReadError(
-            f"a URL that cannot be read ({type(error).__name__}: {error})",
-            expected="a recording, or a folder of recordings",
-            where=url,
+        raise kind(
+            _without_password(f"a URL that cannot be used ({type(error).__name__}: {error})"),
+            expected="recordings" if kind is ReadError else "a place where results can be kept",
+            where=_without_password(url),
             advice="check the URL and the rights; fsspec takes accounts from its configuration and the environment",
         ) from error
 
@@ -105,20 +194,12 @@ def _reached(url: str) -> tuple[Any, str]:
     """The file system of a URL, and the path there. Raises OptionError: fsspec or a package for it is not installed."""
     try:
         from fsspec.core import url_to_fs
+
+        return url_to_fs(url)
     except ImportError as error:
         raise OptionError(
-            "recordings behind a URL, and the package fsspec is not installed",
-            expected="an installation with the extra `fleet`",
-            where=url,
-            advice='run `pip install ".[fleet]"` in the folder of selector, or name folders',
+            f"a URL that needs another package ({error})",
+            expected="the extra `fleet`, and what fsspec needs for this kind of URL: s3fs for s3://, smbprotocol for smb://",
+            where=_without_password(url),
+            advice='run `pip install ".[fleet]"` in the folder of selector, and install that package; or name folders',
         ) from error
-    try:
-        system, path = url_to_fs(url)
-    except ImportError as error:
-        raise OptionError(
-            f"a URL whose kind needs another package ({error})",
-            expected="a kind of URL that fsspec knows on this computer",
-            where=url,
-            advice="install that package, for s3:// it is s3fs",
-        ) from error
-    return system, path

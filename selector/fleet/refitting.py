@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from selector.controllers.model_file import ModelFile, read_model
-from selector.errors import InputError
+from selector.errors import InputError, StorageError
 from selector.findings import Finding
 from selector.fleet.later_runs import by_age, part_of
 from selector.fleet.machine_study import Answer, Refit, done_of, question_of
@@ -45,6 +45,8 @@ def anew_because(study: Study, champion: Answer, results: Path) -> str | None:
     """Why the machine is studied anew without a comparison: nothing can be compared with what is in use."""
     try:
         model = _model(results, champion)
+    except StorageError:
+        raise
     except InputError as error:
         return f"the model in use cannot be read: {error}"
     asked, done = question_of(study), done_of(results / str(champion.key))

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from selector.atomic_file import write_whole
-from selector.errors import InputError, OptionError, ResultError
+from selector.errors import InputError, OptionError, ResultError, StorageError
 from selector.fleet.fleet_file import Fleet
 from selector.fleet.machine_study import Answer, Document, Refit, Task, known_answer, overdue_words
 from selector.fleet.refitting import Challenge, anew_because, challenge_of, kept, settled, without_use
@@ -80,7 +80,6 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
         for name, one in in_use.items()
         if refit
     }
-    fleet.results.mkdir(parents=True, exist_ok=True)
     written = time.monotonic()
     try:
         for done, (name, answer) in enumerate(_answers(fleet, workers, in_use, refit=refit), start=1):
@@ -166,6 +165,8 @@ def _guarded(champion: Answer, doing: Callable[[], Kind]) -> Kind | Answer:
     """What one machine brings about must not stop the others."""
     try:
         return doing()
+    except StorageError:
+        raise  # it stops the others, too
     except Exception as error:
         return without_use(champion, f"a defect of the program, not of the data: {type(error).__name__}: {error}")
 
@@ -191,7 +192,7 @@ def _studied(fleet: Fleet, studies: Mapping[str, Study], workers: Workers) -> It
         for name, answer in workers.finished(_LOOK_S):
             task, start = begun.pop(name)
             if answer is not None and answer.is_unkept:
-                raise _unkept(fleet, f"no room on the disk for the answer of {name}")
+                raise _unkept(fleet, f"the answer of {name} cannot be kept: {answer.error}")
             if answer is not None:
                 yield name, answer
             elif tries[name] < TRIES:
@@ -232,16 +233,16 @@ def _write(fleet: Fleet, found: dict[str, Answer], shared: tuple[Shared, ...] = 
     answer = FleetAnswer.of({name: found[name] for name in order if name in found}, shared)
     try:
         write_whole(fleet.results / RESULT_FILE, (json_text(answer.model_dump(by_alias=True)) + "\n").encode("utf-8"))
-    except OptionError as error:
+    except (OptionError, StorageError) as error:
         raise _unkept(fleet, f"{RESULT_FILE}: {error.found}") from error
     return answer
 
 
 def _unkept(fleet: Fleet, found: str) -> OptionError:
-    """Ends the fleet: where there is no room for one answer, there is none for others."""
+    """Ends the fleet: where one answer cannot be kept for want of room or rights, others cannot either."""
     return OptionError(
         found,
-        expected="a disk with room for the answers",
+        expected="room, and the rights, for the answers",
         where=str(fleet.results),
-        advice="free some space and give the same command again: it goes on from what is done",
+        advice="free some space, or reach the server again, and give the same command: it goes on from what is done",
     )

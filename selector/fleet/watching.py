@@ -233,7 +233,7 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
         reading = part_of(whole, later.values())
         application, _ = applied(model, reading)
     runs = runs_by_age(reading.recording)
-    proved = json.loads((place / "selection.json").read_text(encoding="utf-8"))["models"]
+    proved = json.loads((place / "selection.json").read_bytes())["models"]
     responses = {}
     for output in model.outputs:
         accuracies = [(run, application.per_run[run][output.name]) for run in runs]

@@ -123,7 +123,7 @@ def write_account(account: Account, path: str | Path) -> Path:
 
     Raises OptionError: the file cannot be written; an old file of that name is untouched.
     """
-    target = Path(path)
+    target = Path(path) if isinstance(path, str) else path
     # a lone surrogate in a name must not end the report
     write_whole(target, account_page(account).encode("utf-8", "replace"))
     return target

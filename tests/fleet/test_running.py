@@ -125,7 +125,7 @@ def test_ctrl_c_keeps_what_is_done(fleet):
 def test_a_full_disk_ends_the_fleet_and_is_no_fault_of_its_machines(fleet, monkeypatch):
     unkept = Answer(status="failed", error="…: No space left on device", is_unkept=True)
     workers = Told({"m0": [DONE], "m1": [unkept], "m2": [DONE], "m3": [DONE]}, jobs=1)
-    with pytest.raises(OptionError, match="no room on the disk for the answer of m1"):
+    with pytest.raises(OptionError, match="the answer of m1 cannot be kept: …: No space left"):
         run_fleet(fleet, workers)
     assert workers.closed
     assert workers.begun == ["m0", "m1"]
@@ -135,7 +135,7 @@ def test_a_full_disk_ends_the_fleet_and_is_no_fault_of_its_machines(fleet, monke
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("selector.atomic_file.os.fsync", full)
-    with pytest.raises(OptionError, match="same command again") as told:
+    with pytest.raises(OptionError, match="the same command: it goes on") as told:
         run_fleet(fleet, Told({f"m{i}": [DONE] for i in range(4)}))
     assert str(fleet.results) in told.value.where
     assert list(read_answer(fleet.results).machines) == ["m0"]
