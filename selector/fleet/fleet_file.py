@@ -29,6 +29,7 @@ from selector.text_file import text_of
 SCHEMA = "selector.fleet-file/1"
 MOST_MACHINES = 100_000
 _PAGE = "docs/reference/fleet.md"
+Above0 = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=False)]
 
 
 def _of_runs(value: Any) -> Any:
@@ -52,7 +53,8 @@ class FleetFile(Table):
 
     schema_: Annotated[Literal["selector.fleet-file/1"], Field(alias="schema")] = "selector.fleet-file/1"
     results: KeyPath = "results"
-    time_limit_s: Annotated[float, Field(gt=0, allow_inf_nan=False, strict=False)] = 3600.0
+    time_limit_s: Above0 = 3600.0
+    memory_limit_gb: Above0 | None = None
     folders: Annotated[tuple[KeyPath, ...], Field(strict=False, max_length=MOST_MACHINES)] = ()
     machine: KeyPath | None = None
     reading: ReadingSection = ReadingSection()
@@ -69,6 +71,7 @@ class Fleet:
     place: Path  #: The fleet file
     results: Path  #: Folder of the answers, or what does as one behind a URL
     time_limit_s: float  #: Of one study [s]
+    memory_limit_gb: float | None  #: Of a process of this computer [GB]
     studies: Mapping[str, Study]  #: Machine → what is asked of which recordings; paths are absolute, or URLs
 
 
@@ -90,7 +93,7 @@ def read_fleet(path: str | Path) -> Fleet:
         studies[name] = _study(said, section, place, f"{where}, machine {name}")
     if not studies:
         raise _unusable("no machine", where, 'add folders = ["plant/*"], or a table [machines] with name = "folder"')
-    return Fleet(place, results_at(said.results, place.parent), said.time_limit_s, studies)
+    return Fleet(place, results_at(said.results, place.parent), said.time_limit_s, said.memory_limit_gb, studies)
 
 
 def _machines(said: FleetFile, place: Path) -> Iterator[tuple[str, MachineSection]]:

@@ -5,6 +5,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -24,6 +25,7 @@ TRIES = 2
 GRACE_S = 10.0  #: A study gives itself up at its limit, between two steps; so much later its worker is ended.
 _LOOK_S = 0.25
 _WRITE_S = 5.0
+_LESS = "raise it, offer fewer sensors and terms, or store the recordings as Parquet"
 _MISSING = "nothing that the fleet file names is this machine any more: look for its folder; its model stays in use"
 Kind = TypeVar("Kind")
 
@@ -74,6 +76,8 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
 
     Raises ResultError: with `refit`, the fleet was never run.
     """
+    if fleet.memory_limit_gb is not None:
+        import_module("psutil")  # where it is missing, that is told before the start
     in_use = _in_use(fleet, refit)
     found = {
         name: one if name in fleet.studies else without_use(one, _MISSING, "missing")
@@ -201,10 +205,14 @@ def _studied(fleet: Fleet, studies: Mapping[str, Study], workers: Workers) -> It
                 told = f"its process was ended {TRIES} times from outside, most often because memory ran out"
                 yield name, _failed(told, start)
         for name, (_, start) in list(begun.items()):
-            if time.monotonic() - start > fleet.time_limit_s + GRACE_S:
+            why = overdue_words(fleet.time_limit_s) if time.monotonic() - start > fleet.time_limit_s + GRACE_S else ""
+            if not why and fleet.memory_limit_gb is not None:
+                taken_gb, most_gb = workers.taken_gb(name), fleet.memory_limit_gb
+                why = f"it took {taken_gb:.2f} GB, and memory_limit_gb is {most_gb:g}: {_LESS}" * (taken_gb > most_gb)
+            if why:
                 workers.stop(name)
                 del begun[name]
-                yield name, _failed(overdue_words(fleet.time_limit_s), start)
+                yield name, _failed(why, start)
 
 
 def _failed(why: str, start: float) -> Answer:

@@ -72,6 +72,14 @@ class Processes:
             del self._busy[name]
         return found
 
+    def taken_gb(self, name: str) -> float:
+        """Memory that the process of a study holds, program and all [GB]; 0 where it is gone."""
+        import psutil
+
+        with contextlib.suppress(KeyError, psutil.Error):
+            return float(psutil.Process(self._busy[name][0].pid).memory_info().rss) / 1e9
+        return 0.0
+
     def stop(self, name: str) -> None:
         """Give a study up; it never appears in `finished`."""
         _end(*self._busy.pop(name))
@@ -183,6 +191,10 @@ class Cluster:
                 advice="start them again and repeat the command: what is done is kept",
             )
         return found
+
+    def taken_gb(self, _name: str) -> float:
+        """Nothing: the memory of a worker is its own affair, and its nanny ends it."""
+        return 0.0
 
     def stop(self, name: str) -> None:
         """Give a study up; it never appears in `finished`."""

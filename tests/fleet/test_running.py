@@ -3,7 +3,9 @@
 import errno
 import json
 import os
+import re
 import signal
+import sys
 import time
 
 import pytest
@@ -112,6 +114,32 @@ def test_one_that_hangs_is_ended_and_the_others_go_on(fleet, monkeypatch):
     assert workers.stopped == ["m0", "m2"]
     assert "3600 s" in answer.machines["m0"].error
     assert (answer.done, answer.failed) == (2, 2)
+
+
+def test_one_that_takes_too_much_memory_is_ended_and_not_tried_again(tmp_path):
+    for number in range(2):
+        machine(tmp_path / f"m{number}", number)
+    names = '[machines]\nm0 = "m0"\nm1 = "m1"\n'
+    # a process has more than 10 MB before it has read anything
+    small = read_fleet(fleet_file(tmp_path, f"memory_limit_gb = 0.01\n{names}"))
+    told = []
+    answer = run_fleet(small, Processes(2), lambda *said: told.append(said[0]))
+    assert (answer.failed, sorted(told)) == (2, ["m0", "m1"])
+    for one in answer.machines.values():
+        took, limit = re.match(r"it took ([\d.]+) GB, and memory_limit_gb is ([\d.]+): raise it", one.error).groups()
+        assert 0.01 < float(took) < 4.0
+        assert float(limit) == 0.01
+    enough = read_fleet(fleet_file(tmp_path, f"memory_limit_gb = 4\n{names}"))
+    assert run_fleet(enough, Processes(1)).done == 2
+
+
+def test_a_limit_of_memory_that_cannot_be_looked_at_is_told_before_the_start(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "psutil", None)
+    path = fleet_file(tmp_path, 'memory_limit_gb = 1\n[machines]\nm = "m"\n')
+    assert exit_status(["fleet", "run", str(path)]) == 2
+    told = capsys.readouterr().err
+    assert 'pip install ".[fleet]"' in told
+    assert not (tmp_path / "results").exists()
 
 
 def test_ctrl_c_keeps_what_is_done(fleet):

@@ -143,7 +143,7 @@ EXTRAS = {
     "drive": "control",
     "fmu": "fmpy",
     "live": "asyncua aiomqtt",
-    "fleet": "fsspec distributed",
+    "fleet": "fsspec distributed psutil",
     "prove": "joblib sklearn",
 }
 
