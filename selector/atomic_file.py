@@ -219,6 +219,9 @@ def require_writable_folder(folder: Path, option: str, results: Iterable[str] = 
     Raises OptionError: it is a file, or its place cannot be written to; or a file that is not of this program stands in
     the place of one of the `results`: what ends in ``.html`` is a page, anything else JSON.
     """
+    if (require_writable := getattr(folder, "require_writable", None)) is not None:  # behind a URL
+        require_writable()
+        return
     is_lost = folder.is_symlink() and not folder.exists()
     if is_lost or (folder.exists() and not folder.is_dir()):
         raise OptionError(

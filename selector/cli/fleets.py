@@ -33,22 +33,21 @@ def run(
     What was done before of the same recordings, options and version is not done again, so a run that was stopped or
     killed goes on where it was. A machine that fails is told with its reason, and the others go on.
     """
-    from selector.fleet import Cluster, Processes, read_fleet, require_writable_results, run_fleet
+    from selector.fleet import Cluster, Processes, read_fleet, run_fleet
     from selector.telling.fleet import fleet_account
 
     if jobs is not None and dask is not None:
         expected = "processes of this computer, or a cluster"
         raise unusable_option(f"--jobs {jobs} beside --dask {dask}", expected, "leave one of the two out")
     asked = read_fleet(fleet)
-    require_writable_results(asked.results)
+    require_writable_folder(asked.results, "results")
     workers = Cluster(dask) if dask is not None else Processes(min(jobs or os.cpu_count() or 1, len(asked.studies)))
     try:
         with fleet_progress() as tell:
             answer = run_fleet(asked, workers, tell, refit=refit)
     except KeyboardInterrupt:
-        raise CancelledError(
-            f"stopped. What is done is kept in {asked.results}; the same command goes on from there."
-        ) from None
+        told = f"stopped. What is done is kept in {asked.results}; the same command goes on from there."
+        raise CancelledError(told) from None
     _show(fleet_account(answer, title=_title(asked)), "the page of `selector fleet report`", as_json=as_json)
 
 
@@ -60,13 +59,13 @@ def watch(
     A cumulative sum of the errors, one run after the other, is compared with those of unseen runs when the model was
     made. Nothing is fitted again and nothing is written to a control.
     """
-    from selector.fleet import read_fleet, require_writable_results, watch_fleet
+    from selector.fleet import read_fleet, watch_fleet
     from selector.telling import write_account
     from selector.telling.fleet import watch_account
 
     _require_page(out)
     asked = read_fleet(fleet)
-    require_writable_results(asked.results)
+    require_writable_folder(asked.results, "results")
     with fleet_progress() as tell:
         account = watch_account(watch_fleet(asked, tell), title=_title(asked))
     _show(account, "the page of --out", as_json=as_json)

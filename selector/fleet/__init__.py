@@ -8,7 +8,6 @@ from selector.fleet.machine_study import answered as answered
 from selector.fleet.machine_study import key_of as key_of
 from selector.fleet.overview import Overview as Overview
 from selector.fleet.overview import overview as overview
-from selector.fleet.places import require_writable_results as require_writable_results
 from selector.fleet.running import RESULT_FILE as RESULT_FILE
 from selector.fleet.running import FleetAnswer as FleetAnswer
 from selector.fleet.running import read_answer as read_answer

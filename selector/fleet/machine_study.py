@@ -6,10 +6,9 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 from threadpoolctl import threadpool_limits
@@ -18,8 +17,8 @@ from selector import __version__
 from selector.atomic_file import is_full, write_whole
 from selector.controllers.from_selection import model_file_of
 from selector.controllers.model_file import write_model
-from selector.errors import CancelledError, InputError, ReadError, StorageError, StudyError
-from selector.fleet.places import is_url, local_recordings
+from selector.errors import CancelledError, InputError, ReadError, SelectorError, StorageError, StudyError
+from selector.fleet.places import local_recordings
 from selector.json_text import json_text
 from selector.readers.files import recording_files
 from selector.selection import select
@@ -28,6 +27,7 @@ from selector.study.inputs import sha256_of
 from selector.study.material import material_of
 from selector.study.study_file import Study
 
+OVERDUE = "no answer within {:g} s: raise time_limit_s, or offer fewer sensors and terms"
 DONE_FILE = "done.json"  #: Stands in the folder of an answer when all others do; without it the study is done again.
 
 
@@ -35,6 +35,11 @@ class Document(BaseModel):
     """A part of what a command of a fleet prints, or keeps."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    may_lack: ClassVar[tuple[str, ...]] = ()  #: Keys that are not in it where they say nothing
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_none(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in of_fields(self).items() if value or key not in self.may_lack}
 
 
 class Refit(Document):
@@ -54,6 +59,7 @@ class Refit(Document):
 class Answer(Document):
     """What came of one machine."""
 
+    may_lack = ("refit", "judged")
     status: Literal["done", "reused", "failed", "missing"]
     error: str | None = None  #: Why it failed, or that the machine was not found
     #: Name of the folder of its answer; of a machine that failed or is missing, that of the model in use, if there is
@@ -66,10 +72,6 @@ class Answer(Document):
     #: SHA-256 of a recording on which the model in use was compared → key of the other model, or its own where it won
     judged: dict[str, str] = Field(default_factory=dict)
     is_unkept: bool = Field(default=False, exclude=True)  #: Nothing can be kept: that is no fault of the machine
-
-    @model_serializer(mode="wrap")
-    def _without_refit(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {key: value for key, value in of_fields(self).items() if value or key not in ("refit", "judged")}
 
     @property
     def in_short(self) -> str:
@@ -124,23 +126,24 @@ def answered(task: Task) -> Answer:
                 advice="install the same version of selector and numpy everywhere",
             )
         return _answered(task, start, key.append)
-    except (InputError, CancelledError) as error:
-        said, is_unkept = str(error), is_full(error) or isinstance(error, StorageError)
-    except MemoryError as error:
-        said, is_unkept = f"memory ran out ({error}): use fewer processes, or store the recordings as Parquet", False
     except Exception as error:
-        said, is_unkept = f"a defect of the program, not of the data: {type(error).__name__}: {error}", is_full(error)
+        said, is_unkept = told_of(error), is_full(error) or isinstance(error, StorageError)
     seconds = round(time.monotonic() - start, 3)
     return Answer(status="failed", error=said, key=key[0] if key else None, seconds=seconds, is_unkept=is_unkept)
 
 
+def told_of(error: Exception) -> str:
+    """What is told of an error that must not stop the other machines."""
+    if isinstance(error, MemoryError):
+        return f"memory ran out ({error}): use fewer processes, or store the recordings as Parquet"
+    is_known = isinstance(error, SelectorError)
+    return str(error) if is_known else f"a defect of the program, not of the data: {type(error).__name__}: {error}"
+
+
 def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answer:
     study = task.study
-    with ExitStack() as stack:
-        folder = Path()
-        if any(is_url(one) for one in (*study.recordings.runs, study.recordings.machine or "")):
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        runs, machine = local_recordings(study.recordings, folder)
+    with tempfile.TemporaryDirectory() as folder:
+        runs, machine = local_recordings(study.recordings, Path(folder))
         found = recording_files(runs)
         machine = machine or found.machine
         hashes = {file: sha256_of(file) for file in (*found.files, *([machine] if machine else []))}
@@ -153,7 +156,7 @@ def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answ
 
         def in_time(_doing: str = "", _share: float = 0.0) -> None:
             if time.monotonic() - start > task.time_limit_s:
-                raise CancelledError(overdue_words(task.time_limit_s))
+                raise CancelledError(OVERDUE.format(task.time_limit_s))
 
         options = options_of(study, where=f"machine {task.name}")
         material = material_of(runs, machine, overrides_of(study))
@@ -201,11 +204,6 @@ def question_of(study: Study) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode("ascii")).hexdigest()
 
 
-def overdue_words(limit_s: float) -> str:
-    """Why a study was given up that took too long."""
-    return f"no answer within {limit_s:g} s: raise time_limit_s, or offer fewer sensors and terms"
-
-
 def _names(files: Sequence[Path]) -> list[tuple[Path, str]]:
     """What runs are called by: the file, or with its folder where two have one name."""
     counts = Counter(file.stem for file in files)
@@ -231,6 +229,4 @@ def done_of(place: Path) -> Done | None:
 
 
 def _answer(status: Literal["done", "reused"], key: str, done: Done) -> Answer:
-    return Answer(
-        status=status, key=key, sensors=done.sensors, heldout_rmse_um=done.heldout_rmse_um, seconds=done.seconds
-    )
+    return Answer(status=status, key=key, **done.model_dump(include={"sensors", "heldout_rmse_um", "seconds"}))

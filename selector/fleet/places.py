@@ -6,13 +6,11 @@ import io
 import re
 import secrets
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from functools import partial
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from selector.atomic_file import require_writable_folder
 from selector.errors import InputError, OptionError, ReadError, SelectorError, StorageError
 from selector.number_text import natural_key
 from selector.readers.files import MACHINE_FILE, has_name_of_recording
@@ -113,10 +111,9 @@ class UrlPath:
 
     def is_file(self) -> bool:
         """Whether there is such a file; fsspec's own answer is no where a server does not answer."""
-        try:
+        with suppress(FileNotFoundError):
             return bool(self._asked("info")["type"] == "file")
-        except FileNotFoundError:
-            return False
+        return False
 
     exists = is_file
 
@@ -149,7 +146,8 @@ class UrlPath:
                 system, path = _reached(self._url)
                 return getattr(system, what)(path)
         except StorageError as error:
-            if _is_missing(error.__cause__):
+            cause = error.__cause__  # of some servers it is no FileNotFoundError
+            if isinstance(cause, FileNotFoundError) or getattr(cause, "errno", None) == errno.ENOENT:
                 raise FileNotFoundError(errno.ENOENT, "no such file", str(self)) from error
             raise
 
@@ -158,16 +156,6 @@ def results_at(reference: str, folder: Path) -> Path:
     """The place of results: a folder of this computer, relative to `folder`, or what does as one behind a URL."""
     behind: Any = UrlPath(reference)
     return behind if is_url(reference) else path_at(reference, folder)
-
-
-def require_writable_results(results: Path) -> None:
-    """Finds out before long work whether results can be kept. Raises OptionError, StorageError: they cannot."""
-    (getattr(results, "require_writable", None) or partial(require_writable_folder, results, "results"))()
-
-
-def _is_missing(error: object) -> bool:
-    """Whether an error says that there is no such file; that of some servers is no FileNotFoundError."""
-    return isinstance(error, FileNotFoundError) or getattr(error, "errno", None) == errno.ENOENT
 
 
 def _without_password(url: str) -> str:
@@ -195,7 +183,7 @@ def _reached(url: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
 
-        return url_to_fs(url)
+        system, path = url_to_fs(url)
     except ImportError as error:
         raise OptionError(
             f"a URL that needs another package ({error})",
@@ -203,3 +191,5 @@ def _reached(url: str) -> tuple[Any, str]:
             where=_without_password(url),
             advice='run `pip install ".[fleet]"` in the folder of selector, and install that package; or name folders',
         ) from error
+    system.invalidate_cache()  # a worker may live for weeks, and others write there, too
+    return system, path

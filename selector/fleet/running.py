@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
+from pydantic import Field, ValidationError
 
 from selector.atomic_file import write_whole
 from selector.errors import InputError, OptionError, ResultError, StorageError
 from selector.fleet.fleet_file import Fleet
-from selector.fleet.machine_study import Answer, Document, Refit, Task, known_answer, overdue_words
+from selector.fleet.machine_study import OVERDUE, Answer, Document, Refit, Task, known_answer, told_of
 from selector.fleet.refitting import Challenge, anew_because, challenge_of, kept, settled, without_use
 from selector.fleet.workers import Workers
 from selector.json_text import json_text
@@ -43,6 +43,7 @@ class Shared(Document):
 class FleetAnswer(Document):
     """What came of a fleet, as `selector fleet run --json` prints it."""
 
+    may_lack = ("missing", "shared")
     schema_: Annotated[Literal["selector.fleet/1"], Field(alias="schema")] = "selector.fleet/1"
     done: int
     reused: int
@@ -50,10 +51,6 @@ class FleetAnswer(Document):
     missing: int = 0  #: Were not found, and keep their model; 0 is not in the document
     machines: dict[str, Answer]
     shared: tuple[Shared, ...] = ()  #: None is not in the document
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_none(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {key: value for key, value in of_fields(self).items() if key not in ("missing", "shared") or value}
 
     @property
     def copies(self) -> frozenset[str]:
@@ -172,7 +169,7 @@ def _guarded(champion: Answer, doing: Callable[[], Kind]) -> Kind | Answer:
     except StorageError:
         raise  # it stops the others, too
     except Exception as error:
-        return without_use(champion, f"a defect of the program, not of the data: {type(error).__name__}: {error}")
+        return without_use(champion, told_of(error))
 
 
 def _whole(answer: Answer, results: Path) -> Answer:
@@ -205,7 +202,7 @@ def _studied(fleet: Fleet, studies: Mapping[str, Study], workers: Workers) -> It
                 told = f"its process was ended {TRIES} times from outside, most often because memory ran out"
                 yield name, _failed(told, start)
         for name, (_, start) in list(begun.items()):
-            why = overdue_words(fleet.time_limit_s) if time.monotonic() - start > fleet.time_limit_s + GRACE_S else ""
+            why = OVERDUE.format(fleet.time_limit_s) if time.monotonic() - start > fleet.time_limit_s + GRACE_S else ""
             if not why and fleet.memory_limit_gb is not None:
                 taken_gb, most_gb = workers.taken_gb(name), fleet.memory_limit_gb
                 why = f"it took {taken_gb:.2f} GB, and memory_limit_gb is {most_gb:g}: {_LESS}" * (taken_gb > most_gb)

@@ -16,10 +16,10 @@ from scipy.stats import norm, t
 from selector.atomic_file import write_whole
 from selector.controllers.application import Accuracy
 from selector.controllers.model_file import read_model
-from selector.errors import InputError, ResultError
+from selector.errors import ResultError
 from selector.fleet.fleet_file import Fleet
 from selector.fleet.later_runs import by_age, part_of, runs_by_age
-from selector.fleet.machine_study import DONE_FILE, Answer, Document, known_answer
+from selector.fleet.machine_study import DONE_FILE, Answer, Document, known_answer, told_of
 from selector.fleet.places import local_recordings
 from selector.fleet.running import has_model, read_answer
 from selector.json_text import json_text
@@ -42,8 +42,9 @@ LARGEST_DEVIATE = 4.0
 WILD = 3.5
 #: Among so many runs, the rank of a value counts as much as Student's t: fewer have no tails to rank in.
 RANKED_FROM_RUNS = 30.0
-#: A correlation from run to run that these few runs have is half believed, and less by this part of its standard error.
-UNCORRELATED_UNTIL, CORRELATION_ERROR = 5.0, 0.3
+#: So many runs of which each is like the one before are believed at first: what later ones show comes beside them.
+ALIKE_AT_FIRST = 10.0
+UNLIKE = 3.0  #: Two runs in a row beyond this deviate are a change, not likeness: the second counts in full, too.
 LARGEST_CORRELATION = 0.95
 
 
@@ -121,8 +122,8 @@ def _one_sided(deviate: Array, n_new: int, limit: float) -> Chart:
         if total == 0.0:
             # a change that stays looks like correlation: while it is suspected, nothing is learnt from it
             start, share = i, float(alike[at])
-        before = float(deviate[at - 1]) if at else 0.0
-        value = (float(deviate[at]) - share * before) / math.sqrt(1.0 - share * share)
+        now, before = float(deviate[at]), float(deviate[at - 1]) if at else 0.0
+        value = now if min(now, before) > UNLIKE else (now - share * before) / math.sqrt(1.0 - share * share)
         total = max(0.0, total + min(value, LARGEST_DEVIATE) - SLACK)
         highest = max(highest, total)
         if total > limit:
@@ -131,11 +132,10 @@ def _one_sided(deviate: Array, n_new: int, limit: float) -> Chart:
 
 
 def _correlations(deviate: Array) -> Array:
-    """Correlation of one run with the next, as far as the runs before each bear it out; 0 or more, shape (n,)."""
+    """Correlation of one run with the next, unless the runs before each speak against it; 0 or more, shape (n,)."""
     square = deviate * deviate
-    both = np.r_[0.0, np.cumsum(deviate[1:] * deviate[:-1])]
-    believed = np.cumsum(square) - square + UNCORRELATED_UNTIL
-    found = np.r_[0.0, both[:-1]] / believed - CORRELATION_ERROR / np.sqrt(believed)
+    both = np.r_[0.0, 0.0, np.cumsum(deviate[1:] * deviate[:-1])][: len(deviate)]
+    found = (both + ALIKE_AT_FIRST) / (np.cumsum(square) - square + ALIKE_AT_FIRST)
     return np.clip(found, 0.0, LARGEST_CORRELATION)
 
 
@@ -197,11 +197,8 @@ def watch_fleet(fleet: Fleet, tell: Callable[[str, WatchedMachine, int, int], No
         else:
             try:
                 found[name] = _watched(study, answer, fleet.results / str(answer.key))
-            except InputError as error:
-                found[name] = WatchedMachine(status="failed", error=str(error), key=answer.key)
-            except Exception as error:  # one machine must not stop the others
-                said = f"a defect of the program, not of the data: {type(error).__name__}: {error}"
-                found[name] = WatchedMachine(status="failed", error=said, key=answer.key)
+            except Exception as error:
+                found[name] = WatchedMachine(status="failed", error=told_of(error), key=answer.key)
         if tell is not None:
             tell(name, found[name], len(found), len(fleet.studies))
     watch = FleetWatch(alarms=sum(one.status == "alarm" for one in found.values()), machines=found)

@@ -130,19 +130,12 @@ class Cluster:
     They reach recordings and results under the same paths as this computer. Dask itself gives the study of a worker
     that died to another one, three times by default.
 
-    Raises OptionError: Dask is not installed, or nobody answers at the address.
+    Raises OptionError: nobody answers at the address. Raises ImportError: Dask is not installed.
     """
 
     def __init__(self, address: str) -> None:
-        try:
-            from distributed import Client
-        except ImportError as error:
-            raise OptionError(
-                "the package distributed of Dask is not installed",
-                expected="an installation with the extra `fleet`",
-                where=f"--dask {address}",
-                advice='run `pip install ".[fleet]"` in the folder of selector here and on every worker, or use --jobs',
-            ) from error
+        from distributed import Client
+
         self._address = address
         # what matters of a lost scheduler or worker is told as the error of a study, or of the fleet
         logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from selector.fleet import Answer, FleetAnswer, FleetWatch, Overview, SistersAnswer, WatchedMachine
+from selector.fleet import FleetAnswer, FleetWatch, Overview, SistersAnswer, WatchedMachine
 from selector.number_text import number_text
 from selector.telling.account import Account, Captioned, Items, Table, captioned, legend, section, sections, table
 from selector.telling.numbers import NONE
@@ -33,16 +33,13 @@ def fleet_account(
     if missing:
         sentences.append(f"{_machines(len(missing))} had no turn yet: `selector fleet run` goes on from here.")
     machines = Captioned("", _table(answer, missing, beside or Overview()))
+    to_do = None if beside is None else Items(tuple(_to_do(answer, missing, beside)))
     return Account(
         title=title,
         verdict="bad" if failed or absent else "good" if not missing else "plain",
         sentences=tuple(sentences),
         sections=sections(
-            None
-            if beside is None
-            else section(
-                "next", "What to do this week", Items(tuple(_to_do(answer, missing, beside))), link="This week"
-            ),
+            section("next", "What to do this week", to_do, link="This week"),
             section("machines", "Machines, the worst first", machines, link="Machines"),
             section("sensors", "Sensors over the fleet", _serving(beside), _sensors(answer), link="Sensors"),
         ),
@@ -127,9 +124,8 @@ def _watched(watch: FleetWatch) -> Table:
         if not told:
             rows.append((name, _state(one), *(NONE,) * 6, one.error or ""))
         for response, of in told:
-            judged = (
-                NONE if of.highest is None else f"{number_text(of.highest, 2)} of {number_text(of.limit or 0.0, 2)}"
-            )
+            sums = (number_text(value or 0.0, 2) for value in (of.highest, of.limit))
+            judged = NONE if of.highest is None else " of ".join(sums)
             said = _gravest(one.findings)["statement"] if _state(one) == _SUSPECT else ""
             what = said if of.alarm is None else f"{_CHANGED[of.alarm]} since {of.since}"
             errors = (number_text(value) for value in (of.rmse_um, of.expected_um, of.mean_um))
@@ -139,9 +135,8 @@ def _watched(watch: FleetWatch) -> Table:
 
 
 def _readings(watch: FleetWatch) -> Captioned | None:
-    rows = []
-    for name, one in watch.machines.items():
-        rows += [(name, _gravest(one.findings)["statement"], str(len(one.findings)))] if one.findings else []
+    told = {name: one.findings for name, one in watch.machines.items() if one.findings}
+    rows = [(name, _gravest(of)["statement"], str(len(of))) for name, of in told.items()]
     note = "The gravest finding of each machine; --json has all."
     return captioned("", table(("machine", "what", ">findings"), rows, note))
 
@@ -174,9 +169,8 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
         for response, of in one.responses.items():
             if of.alarm is not None:
                 yield f"{name}: {_CHANGED[of.alarm]} in {response} since {of.since}. Look at gauge, sensors and setup."
-    for name, one in watched.items():
-        if _state(one) == _SUSPECT:
-            yield f"{name}: {_gravest(one.findings)['statement']}"
+    suspect = {name: _gravest(one.findings) for name, one in watched.items() if _state(one) == _SUSPECT}
+    yield from (f"{name}: {finding['statement']}" for name, finding in suspect.items())
     unwell = [(name, one.error) for name, one in answer.machines.items() if one.status in _UNWELL]
     yield from (f"{name}: {error}" for name, error in unwell[:_MOST_LOOKED_AT])
     if len(unwell) > _MOST_LOOKED_AT:
@@ -202,14 +196,10 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
 
 def _relative(answer: FleetAnswer) -> dict[str, float]:
     """Machine → its largest error on unseen runs, each response in parts of the fleet's median."""
-    errors: dict[str, dict[str, float]] = {}
-    for name, one in answer.machines.items():
-        for response, error in one.heldout_rmse_um.items():
-            if error:
-                errors.setdefault(response, {})[name] = error
     found: dict[str, float] = {}
-    for of in errors.values():
-        usual = median(of.values())
+    for response in {response for one in answer.machines.values() for response in one.heldout_rmse_um}:
+        of = {name: error for name, one in answer.machines.items() if (error := one.heldout_rmse_um.get(response))}
+        usual = median(of.values() or [1.0])
         for name, error in of.items():
             found[name] = max(found.get(name, 0.0), error / usual)
     return found
@@ -217,16 +207,13 @@ def _relative(answer: FleetAnswer) -> dict[str, float]:
 
 def _by_error(answer: FleetAnswer) -> list[str]:
     """Machines, failed ones first, then by their largest error on unseen runs."""
-
-    def rank(item: tuple[str, Answer]) -> tuple[bool, float]:
-        return item[1].status not in _UNWELL, -max((e for e in item[1].heldout_rmse_um.values() if e), default=math.inf)
-
-    return [name for name, _ in sorted(answer.machines.items(), key=rank)]
+    errors = {name: list(filter(None, one.heldout_rmse_um.values())) for name, one in answer.machines.items()}
+    is_well = {name: one.status not in _UNWELL for name, one in answer.machines.items()}
+    return sorted(errors, key=lambda name: (is_well[name], -max(errors[name], default=math.inf)))
 
 
 def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Table:
     responses = list(dict.fromkeys(name for one in answer.machines.values() for name in one.heldout_rmse_um))
-    ordered = [(name, answer.machines[name]) for name in _by_error(answer)]
     watched = {} if beside.watch is None else beside.watch.machines
     bars = "Bars: this error run by run, the highest of a machine is full. " if beside.by_run_um else ""
     rows = [
@@ -238,7 +225,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
             _state(watched[name]) if name in watched else NONE,
             one.error or ("" if one.refit is None else f"{one.outcome}: {one.refit.because}"),
         )
-        for name, one in ordered
+        for name, one in ((name, answer.machines[name]) for name in _by_error(answer))
     ]
     rows += [(name, "no turn yet", *(NONE for _ in responses), NONE, NONE, "") for name in missing]
     return table(
@@ -264,18 +251,13 @@ def _serving(beside: Overview | None) -> Captioned | None:
     """The places that serve all machines, as a list that may be cut anywhere."""
     serving = () if beside is None else beside.serving
     rows = [(str(k + 1), name, str(served)) for k, (name, served) in enumerate(serving)]
-    return captioned(
-        "Places for all", table((">places", "sensor to add", ">machines served"), rows, legend("fleet.shared"))
-    )
+    head = (">places", "sensor to add", ">machines served")
+    return captioned("Places for all", table(head, rows, legend("fleet.shared")))
 
 
 def _sensors(answer: FleetAnswer) -> Captioned | None:
     models = [one for one in answer.machines.values() if one.sensors]
     counts = Counter(name for one in models for name in one.sensors)
-    rows = [
-        (name, str(count), f"{100 * count / len(models):.0f} %")
-        for name, count in sorted(counts.items(), key=lambda item: -item[1])
-    ]
-    return captioned(
-        "How often each sensor is chosen", table(("sensor", ">machines", ">share"), rows, legend("fleet.chosen"))
-    )
+    rows = [(name, str(n), f"{100 * n / len(models):.0f} %") for name, n in counts.most_common()]
+    head = ("sensor", ">machines", ">share")
+    return captioned("How often each sensor is chosen", table(head, rows, legend("fleet.chosen")))

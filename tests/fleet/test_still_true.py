@@ -36,13 +36,14 @@ def test_false_alarms_of_the_size_of_errors_whatever_their_distribution(errors):
     assert found <= one_year / 9000.0 * years + 3.0 * 4.0
 
 
-def test_runs_that_are_like_the_one_before_are_no_change():
+@pytest.mark.parametrize("like", [0.3, 0.6, 0.8])
+def test_runs_that_are_like_the_one_before_are_no_change(like):
     rng = np.random.default_rng(5)
     alarms = 0
     for _ in range(100):
         values = rng.normal(size=373)
         for i in range(1, len(values)):
-            values[i] = 0.6 * values[i - 1] + 0.8 * values[i]
+            values[i] = like * values[i - 1] + (1.0 - like**2) ** 0.5 * values[i]
         alarms += charted(values[:8], values[8:], 9000.0, is_two_sided=True).alarm_at is not None
     # at most one a year in the mean is 63 of 100 years with an alarm; taken as independent, they had one in all
     assert alarms < 63
@@ -54,7 +55,8 @@ def test_a_change_of_size_is_found_among_skewed_errors():
     sizes[60:] *= 3.0
     chart = charted(np.log(sizes[:8]), np.log(sizes[8:]), 9000.0, is_two_sided=False)
     assert chart.alarm_at is not None
-    assert 52 <= chart.alarm_at <= 62
+    # eleven runs after the change that it finds; one fewer while likeness had to be shown before it was believed
+    assert 52 <= chart.alarm_at <= 63
 
 
 def test_mean_number_of_runs_between_false_alarms():

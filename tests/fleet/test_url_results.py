@@ -5,9 +5,10 @@ import pickle
 
 import pytest
 
+from selector.atomic_file import require_writable_folder
 from selector.cli import exit_status
 from selector.errors import OptionError, StorageError
-from selector.fleet import read_fleet, require_writable_results, run_fleet
+from selector.fleet import read_fleet, run_fleet
 from selector.fleet.places import results_at
 from tests.fleet.machines import Here, changed, fleet_file, machine
 
@@ -109,7 +110,7 @@ def test_a_server_that_is_not_reached_costs_no_model_that_is_in_use(fleet, monke
 @pytest.mark.parametrize(("url", "found"), [("nosuch://a/b", "nosuch"), ("https://localhost:1/b", "cannot be used")])
 def test_a_url_where_nothing_can_be_kept(url, found, tmp_path):
     with pytest.raises((OptionError, StorageError)) as told:
-        require_writable_results(results_at(url, tmp_path))
+        require_writable_folder(results_at(url, tmp_path), "results")
     assert found in str(told.value)
     assert told.value.where.startswith(url)
 
