@@ -113,8 +113,7 @@ def sisters(
     asked = read_fleet(fleet)
     with progress_bar(spoken=True) as say:
         answer, model = sisters_in(asked, machine, runs, say)
-    account = sisters_account(answer, title=_title(asked))
-    _show(account, "--json", as_json=as_json)
+    _show(sisters_account(answer, title=_title(asked)), "--json", as_json=as_json)
     if out is not None and model is not None:
         write_model(model, out)
         showing.show_written(showing.screen(as_json), out)

@@ -3,9 +3,7 @@
 from selector.fleet.fleet_file import Fleet as Fleet
 from selector.fleet.fleet_file import read_fleet as read_fleet
 from selector.fleet.machine_study import Answer as Answer
-from selector.fleet.machine_study import Refit as Refit
 from selector.fleet.machine_study import answered as answered
-from selector.fleet.machine_study import key_of as key_of
 from selector.fleet.overview import Overview as Overview
 from selector.fleet.overview import overview as overview
 from selector.fleet.running import RESULT_FILE as RESULT_FILE
@@ -19,4 +17,3 @@ from selector.fleet.watching import WatchedMachine as WatchedMachine
 from selector.fleet.watching import watch_fleet as watch_fleet
 from selector.fleet.workers import Cluster as Cluster
 from selector.fleet.workers import Processes as Processes
-from selector.fleet.workers import Workers as Workers

@@ -45,9 +45,13 @@ def may_hold_recordings(reference: str) -> bool:
 def found_by(pattern: str) -> list[str]:
     """What a pattern fits, in natural order; hidden files and those of unfinished writing are none of it."""
     if is_url(pattern):
-        with _answering(pattern):
+        with _answering(pattern := pattern.rstrip("/")):
             system, path = _reached(pattern)
-            found = [system.unstrip_protocol(one) for one in system.glob(path)]
+            # fsspec forgets the server of a path, which some kinds have elsewhere in the URL, ...
+            server = pattern.removesuffix(path.strip("/"))
+            url_of = system.unstrip_protocol if server == pattern else lambda one: server + one.lstrip("/")
+            # ... and names folders of SMB with a slash at their end, which fits no pattern without one
+            found = list({url_of(one).rstrip("/") for end in ("", "/") for one in system.glob(path.rstrip("/") + end)})
     else:
         found = glob.glob(pattern)  # noqa: PTH207 (a pattern may be absolute)
     return sorted(found, key=natural_key)

@@ -9,10 +9,11 @@ from selector.atomic_file import require_writable_folder
 from selector.cli import exit_status
 from selector.errors import OptionError, StorageError
 from selector.fleet import read_fleet, run_fleet
-from selector.fleet.places import results_at
+from selector.fleet.places import found_by, results_at
 from tests.fleet.machines import Here, changed, fleet_file, machine
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
+memory = pytest.importorskip("fsspec.implementations.memory", reason="fsspec is not installed")
 MEMORY = "fsspec.implementations.memory.MemoryFileSystem"
 
 
@@ -68,7 +69,7 @@ def test_a_place_that_refuses_is_told_before_any_machine_is_looked_at(fleet, com
 
 
 def test_a_server_that_is_lost_ends_the_fleet_and_it_goes_on_from_there(fleet, monkeypatch, capsys):
-    put, count = fsspec.implementations.memory.MemoryFileSystem.pipe_file, []
+    put, count = memory.MemoryFileSystem.pipe_file, []
 
     def lost(self, path, value, **how):
         count.append(path)
@@ -92,7 +93,7 @@ def test_a_server_that_is_not_reached_costs_no_model_that_is_in_use(fleet, monke
     asked = read_fleet(fleet)
     before = run_fleet(asked, Here())
     machine(fleet.parent / "plant" / "m1", 1, n_runs=16)
-    read = fsspec.implementations.memory.MemoryFileSystem.cat_file
+    read = memory.MemoryFileSystem.cat_file
 
     def lost(self, path, **how):
         if path.endswith("model.json"):
@@ -121,3 +122,22 @@ def test_a_password_is_told_to_nobody(tmp_path):
         place.read_bytes()
     assert "server/share/fleet.json" in told.value.where
     assert "secret" not in f"{place} {told.value}"
+
+
+def test_a_pattern_keeps_the_server_that_its_file_system_forgets():
+    class Share(fsspec.AbstractFileSystem):
+        """As that of SMB: paths without their server, folders with a slash at their end."""
+
+        protocol = "share"
+
+        @classmethod
+        def _strip_protocol(cls, path):
+            return f"/{path.partition('://')[2].partition('/')[2]}" if "://" in path else path
+
+        def ls(self, path, detail=True, **_):
+            inside = {"/plant/m1/": "directory", "/plant/notes": "file"} if path.rstrip("/") == "/plant" else {}
+            return [{"name": name, "type": kind, "size": 0} for name, kind in inside.items()] if detail else [*inside]
+
+    fsspec.register_implementation("share", Share, clobber=True)
+    found = ["share://user@server:445/plant/m1", "share://user@server:445/plant/notes"]
+    assert found_by("share://user@server:445/plant/*") == found
