@@ -134,7 +134,7 @@ class UrlPath:
         with _PUTTING, _answering(self._url, StorageError):
             system, path = _reached(self._url)
             system.makedirs(path.rpartition("/")[0], exist_ok=True)
-            # a server of folders writes beside the file and renames; one of objects has nothing to add
+            # a server of folders writes elsewhere and renames; one of objects has nothing to add
             with system.transaction:
                 system.pipe_file(path, content)
 

@@ -205,7 +205,7 @@ def _studied(fleet: Fleet, studies: Mapping[str, Study], workers: Workers) -> It
             why = OVERDUE.format(fleet.time_limit_s) if time.monotonic() - start > fleet.time_limit_s + GRACE_S else ""
             if not why and fleet.memory_limit_gb is not None:
                 taken_gb, most_gb = workers.taken_gb(name), fleet.memory_limit_gb
-                why = f"it took {taken_gb:.2f} GB, and memory_limit_gb is {most_gb:g}: {_LESS}" * (taken_gb > most_gb)
+                why = f"it took {taken_gb:.3g} GB, and memory_limit_gb is {most_gb:g}: {_LESS}" * (taken_gb > most_gb)
             if why:
                 workers.stop(name)
                 del begun[name]
