@@ -7,7 +7,7 @@ import pytest
 
 from selector.atomic_file import require_writable_folder
 from selector.cli import exit_status
-from selector.errors import OptionError, StorageError
+from selector.errors import StorageError
 from selector.fleet import read_fleet, run_fleet
 from selector.fleet.places import found_by, results_at
 from tests.fleet.machines import Here, changed, fleet_file, machine
@@ -108,17 +108,17 @@ def test_a_server_that_is_not_reached_costs_no_model_that_is_in_use(fleet, monke
     assert {name: one.key for name, one in machines.items()} == {name: one.key for name, one in before.machines.items()}
 
 
-@pytest.mark.parametrize(("url", "found"), [("nosuch://a/b", "nosuch"), ("https://localhost:1/b", "cannot be used")])
-def test_a_url_where_nothing_can_be_kept(url, found, tmp_path):
-    with pytest.raises((OptionError, StorageError)) as told:
-        require_writable_folder(results_at(url, tmp_path), "results")
-    assert found in str(told.value)
-    assert told.value.where.startswith(url)
+def test_a_url_where_nothing_can_be_kept(tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    for url, found in (("nosuch://a/b", "nosuch"), (f"{(tmp_path / 'taken').as_uri()}/b", "cannot be used")):
+        with pytest.raises(StorageError, match=found) as told:
+            require_writable_folder(results_at(url, tmp_path), "results")
+        assert told.value.where.startswith(url)
 
 
 def test_a_password_is_told_to_nobody(tmp_path):
     place = results_at("nosuch://shop:secret@server/share", tmp_path) / "fleet.json"
-    with pytest.raises((OptionError, StorageError)) as told:
+    with pytest.raises(StorageError) as told:
         place.read_bytes()
     assert "server/share/fleet.json" in told.value.where
     assert "secret" not in f"{place} {told.value}"
