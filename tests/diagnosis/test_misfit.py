@@ -251,3 +251,14 @@ def test_repeats_that_differ_as_much_as_the_simulation_is_off_speak_for_it(gains
     # a gain fitted to the first two is wrong for the third, which the simulation as it is given meets
     found = diagnosis(replace(made, simulated={"Z": z}, recorded=recorded), seed=0)
     assert (found.verdict, found.effects) == ("nothing-missing", ())
+
+
+def test_how_far_repeats_differ_hangs_on_no_sample_of_the_shapes(monkeypatch):
+    made = comparison({"Z": noise(3)})
+    recorded = {name: np.tile(of[:600], 3) for name, of in {**made.recorded, **made.simulated}.items()}
+    jump = np.where((np.arange(N) >= 150) & (np.arange(N) < 600), 1.0, 0.0)
+    again = replace(made, simulated={"Z": recorded["Z"]}, recorded=recorded | {"Z": recorded["Z"] + jump + noise(3)})
+    one = bench_of(again, "Z", catalogue())[0].with_noise(bench(noise(3)).noise)
+    times = misfit(one, [], seed=0)
+    monkeypatch.setattr("selector.diagnosis.evidence.misfit._SHAPES", 2)
+    assert 1.0 < times == misfit(one, [], seed=0)

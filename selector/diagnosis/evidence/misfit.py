@@ -45,14 +45,16 @@ def misfit(bench: Bench, named: Sequence[int], *, seed: int) -> float:
     for _ in range(_SHIFTS):
         shifted = columns[elsewhere(bench.runs[bench.rows], draw)]
         gains.append(_largest_gains(shifted - base @ (base.T @ shifted), beside_noise))
-    return max(_times(np.median(gains, axis=0)), _of_repeats(bench, columns, left, draw))
+    return max(_times(np.median(gains, axis=0)), _of_repeats(bench, left, draw))
 
 
-def _of_repeats(bench: Bench, columns: Matrix, left: Vector, draw: np.random.Generator) -> float:
+def _of_repeats(bench: Bench, left: Vector, draw: np.random.Generator) -> float:
     """The same of what differs between runs of one programme, where there are any: no shape should gain by it.
 
-    Such runs have the same shapes; what they leave differs by noise alone.
+    Such runs have the same shapes; what they leave differs by noise alone. All shapes are asked: what one run has is
+    seen by few of them.
     """
+    shapes = [one.columns.start for one in bench.candidates]
     place = np.full(len(bench.target), -1)
     place[bench.rows] = np.arange(len(bench.rows))
     gains = []
@@ -63,7 +65,8 @@ def _of_repeats(bench: Bench, columns: Matrix, left: Vector, draw: np.random.Gen
             continue
         apart = (left[first[both]] - left[second[both]]) / np.sqrt(2.0)
         noise = draw.standard_normal((len(apart), _DRAWS))
-        gains.append(_largest_gains(columns[first[both]], np.column_stack([apart, noise])))
+        of_first = bench.white_columns[np.ix_(first[both], shapes)]
+        gains.append(_largest_gains(of_first, np.column_stack([apart, noise])))
     return _times(np.median(gains, axis=0)) if gains else 1.0
 
 
