@@ -295,3 +295,24 @@ def test_the_last_given_is_held_out():
     comparison = comparison_of(*pair(runs=("b", "c", "a")))
     assert comparison.runs == ("a", "b", "c")
     assert np.array_equal(comparison.held_out, comparison.run_index == 0)
+
+
+@pytest.mark.parametrize(
+    ("late", "spacing", "is_input"),
+    [(0.0, 0.8, True), (0.9, 0.8, True), (-0.9, 0.8, True), (1.0, 1.0, True), (-1.0, 1.0, True), (4.0, 0.8, False)],
+)
+def test_a_switch_that_is_handed_back_a_sample_later_is_an_input(late, spacing, is_input):
+    rec, sim = pair()
+    time = rec.time_s("a")
+    sample = np.median(np.diff(time))
+    z = {run: (rec.values(run, ["Z"])[:, 0], sim.values(run, ["Z"])[:, 0]) for run in "abc"}
+
+    def on(at):
+        return (np.maximum(at, 0.0) // (23.0 * sample) % 2.0).round()
+
+    own = np.arange(0.0, time[-1], spacing * sample)
+    given = {run: (own, {"Z": np.interp(own, time, z[run][1]), "valve": on(own - late * sample)}) for run in "abc"}
+    recorded = recording({run: (time, {"Z": z[run][0], "valve": on(time)}) for run in "abc"}, (Z, VALVE))
+    compared = comparison_of(recorded, recording(given, (Z, VALVE)))
+    assert (compared.responses == ("Z",)) is is_input
+    assert any(f.id == "input-of-simulation" and f.where.channel == "valve" for f in compared.findings) is is_input

@@ -135,6 +135,8 @@ def partly_simulated(covered: Mapping[str, Mask]) -> list[Finding]:
 LAST_PART = 0.3  #: Share of a single run that is held out.
 #: Roles whose values hold until the next sample; all others are read between samples along a line.
 _HELD_ROLES = ("state",)
+_STEPPED_ROLES = ("state", "spindle_speed", "feed_rate")  #: What a programme says, in steps.
+_A_SAMPLE = 1.0 + 1e-6  #: By how many samples steps of the same channel are apart in two files, and rounding.
 #: Steps of the simulation beyond which missing values are a hole, not a channel that is written more rarely.
 _HOLE = 4.0
 _ON_GRID = 0.95  #: Share of the readings that stand on a common grid, when they have a resolution.
@@ -224,21 +226,42 @@ def _handed_back(
 ) -> frozenset[str]:
     """Channels whose simulated values are readings, or on a line between two, wherever the simulation has one.
 
-    At the recorded times such a channel is off by the noise of the readings, like one that was computed well. `at` is
-    run → recorded times on the simulation's clock, shape (n_rows,) [s].
+    At the recorded times such a channel is off by the noise of the readings, like one that was computed well; what a
+    programme says in steps may step a sample of the slower clock sooner or later. `at` is run → recorded times on the
+    simulation's clock, shape (n_rows,) [s].
     """
     found = set()
+    own = {run: simulation.time_s(run) for run in at}
+    clocks = {run: own[run] - at_s[0] + recording.time_s(run)[0] for run, at_s in at.items()}
+    slower_s = {
+        run: np.maximum(_steps_s(recording.time_s(run), clocks[run]), _steps_s(own[run], own[run])) for run in at
+    }
+
+    def read(name: str, held: Sequence[str], samples: float = 0.0) -> Vector:
+        parts = [_read_at(recording, run, [name], clocks[run] + samples * slower_s[run], 0.0, held) for run in at]
+        return np.concatenate(parts)[:, 0]
+
     for name in names:
-        recorded, simulated = (np.concatenate([of.values(run, [name]) for run in at]) for of in (recording, simulation))
-        clocks = {run: simulation.time_s(run) - at_s[0] + recording.time_s(run)[0] for run, at_s in at.items()}
-        step = max(resolution(recorded), min(resolution(simulated), _SEEN * _noise(recorded[:, 0])))
+        both = [np.concatenate([of.values(run, [name])[:, 0] for run in at]) for of in (recording, simulation)]
+        recorded, simulated = both
+        step = max(resolution(recorded), min(resolution(simulated), _SEEN * _noise(recorded)))
         # whoever resamples a file draws lines between switchings, too
-        ways = ([_read_at(recording, run, [name], clocks[run], 0.0, held) for run in at] for held in (_HELD_ROLES, ()))
-        off = np.min([np.abs(simulated - np.concatenate(way)) for way in ways], axis=0)
+        off = np.min([np.abs(simulated - read(name, held)) for held in (_HELD_ROLES, ())], axis=0)
+        if recording.channel(name).role in _STEPPED_ROLES:
+            near = [read(name, _STEPPED_ROLES, samples) for samples in (-_A_SAMPLE, 0.0, _A_SAMPLE)]
+            beyond = np.fmax(np.fmin.reduce(near) - simulated, simulated - np.fmax.reduce(near))
+            off = np.fmin(off, np.where(np.isfinite(off), np.fmax(beyond, 0.0), np.nan))
         off = off[np.isfinite(off)]
         if len(off) and off.max() <= rounding(recorded, step):
             found.add(name)
     return frozenset(found)
+
+
+def _steps_s(time_s: Vector, at_s: Vector) -> Vector:
+    """Step of a clock round some times [s], a hole counted as the longest step that is none; shape (n_times,)."""
+    steps = np.diff(time_s) if len(time_s) > 1 else np.zeros(1)
+    row = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, len(steps) - 1)
+    return np.minimum(steps, _HOLE * np.median(steps))[row]
 
 
 def resolution(values: Vector) -> float:
