@@ -73,13 +73,22 @@ def test_what_makes_the_unseen_error_larger_is_not_named(slow, unseen, is_none):
     assert gains_nothing(made, named_effect(made, result, "thermal.memory"), result) == is_none
 
 
-@pytest.mark.parametrize(("of_movement", "is_like"), [(0.1, True), (0.4, False)])
-def test_what_wrong_parameters_do_as_well_is_half_sure_and_says_so(slow, of_movement, is_like):
+@pytest.mark.parametrize(
+    ("id_", "rivals", "of_movement", "is_like"),
+    [
+        ("thermal.memory", (), 0.1, True),
+        ("thermal.memory", (), 0.4, False),
+        ("thermal.ambient", (), 0.1, False),
+        ("thermal.ambient", ("thermal.interaction",), 0.1, True),
+        ("thermal.ambient", ("thermal.interaction",), 0.4, False),
+    ],
+)
+def test_what_wrong_parameters_do_as_well_is_half_sure_and_says_so(slow, id_, rivals, of_movement, is_like):
     made, result = found(slow, 1.0)
     moved = np.std(made.recorded["Z"][~made.held_out])
     course = of_movement * moved * slow / np.std(slow[~made.held_out])
-    effect = replace(named_effect(made, result, "thermal.memory"), confidence=0.9, courses={"Z": course})
-    told = or_parameters(made, result, effect)
+    effect = replace(named_effect(made, result, "thermal.memory"), id=id_, confidence=0.9, courses={"Z": course})
+    told = or_parameters(made, result, replace(effect, cannot_be_told_from=rivals))
     assert told.confidence == (0.5 if is_like else 0.9)
     assert ("few per cent off" in told.statement) == is_like
 

@@ -110,7 +110,7 @@ _FAR_ABOVE = 4.0
 _ONE_SPEED = 0.1  #: Of the usual speed, by which it differs at most.
 #: What parameters of a simulation of heat that are a few per cent off look like, and the part of the movement below
 #: which it is no surer than they are likely: on 16 machines with values 2 and 5 % off it was 2 to 20 %.
-_OF_HEAT = ("thermal.memory", "thermal.convection", "thermal.interaction", "thermal.speed_heating")
+_OF_HEAT = {"thermal.memory", "thermal.convection", "thermal.interaction", "thermal.speed_heating"}
 _OF_MOVEMENT = 0.25
 _OF_FORCE = 0.05  #: Of the force that the simulation has of the same kind.
 _OF_A_SWITCH = {"thermal.coolant": "thermal.second_source", "thermal.second_source": "thermal.coolant"}
@@ -210,9 +210,9 @@ def as_carried(effect: NamedEffect, found: Search) -> NamedEffect:
 
 
 def or_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> NamedEffect:
-    """The effect no surer than half where wrong parameters do the same, and told so."""
+    """The effect no surer than half where wrong parameters do the same, or what it cannot be told from; and told so."""
     is_like = _is_little_force(comparison, found, effect)
-    if effect.id in _OF_HEAT:
+    if not _OF_HEAT.isdisjoint((effect.id, *effect.cannot_be_told_from)):
         fitted, course = found.benches[effect.channel].fitted, effect.courses[effect.channel]
         is_like = bool(np.std(course[fitted]) < _OF_MOVEMENT * np.nanstd(comparison.recorded[effect.channel][fitted]))
     if not is_like:
