@@ -129,15 +129,13 @@ def fades(effect: NamedEffect, found: Search) -> bool:
     """
     if not _MUCH <= effect.share < MOST_OF_IT:
         return False
-    least = 0.5 * (1.0 - np.sqrt(1.0 - effect.share))
+    most = 1.0 - 0.5 * (1.0 - np.sqrt(1.0 - effect.share))
     for response in found.named[effect.id]:
         bench = found.benches[response]
-        recalibrated_alone = bench.target - recalibration(bench)
-        held = np.isfinite(recalibrated_alone) & ~bench.fitted
-        if not effect.courses[response][held].any():
-            return False
+        held = np.isfinite(bench.target) & ~bench.fitted
         after, before = _unseen(effect.id, found, response)
-        if after <= (1.0 - least) * min(before, rms(recalibrated_alone[held])):
+        least = min(before, rms((bench.target - recalibration(bench))[held]))
+        if not effect.courses[response][held].any() or after <= most * least:
             return False
     return True
 

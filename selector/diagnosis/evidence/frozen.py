@@ -11,12 +11,10 @@ from selector.diagnosis.effects.data._places import duration
 from selector.diagnosis.effects.data.stuck import LEAP, frozen_stretches, leap_after
 from selector.diagnosis.evidence.naming import input_fault_effect
 from selector.diagnosis.evidence.search import Search
-from selector.diagnosis.finding_table import FINDINGS
-from selector.diagnosis.matching.usable import LEAST_SAMPLES, fit_of_copy, rows_in_stretches
+from selector.diagnosis.matching.usable import LEAST_SAMPLES, fit_of_copy, not_compared, rows_in_stretches
 from selector.diagnosis.shapes.input_faults import InputFault
 from selector.diagnosis.shown_units import unit_words
 from selector.diagnosis.wording import headline
-from selector.findings import Where
 from selector.types import Mask
 
 _AS_FAR_OFF = 0.5  #: Of the mean square elsewhere: less of a mismatch says nothing against the readings of a stretch.
@@ -78,17 +76,8 @@ def without_frozen(comparison: Comparison, frozen: Sequence[InputFault]) -> Comp
     rest = replace(comparison, recorded=recorded)
     kept = tuple(name for name in comparison.responses if _is_enough(rest, name))
     lost = [name for name in comparison.responses if name not in kept]
-    told = (
-        FINDINGS.finding(
-            "not-compared",
-            f"{name} is not compared: without its frozen stretches fewer than {LEAST_SAMPLES} samples are left to fit "
-            "to.",
-            Where(channel=name),
-            {},
-            "record it again with a sensor that works",
-        )
-        for name in lost
-    )
+    clause = f"has fewer than {LEAST_SAMPLES} samples left to fit to without its frozen stretches"
+    told = (not_compared(name, clause, "record it again with a sensor that works") for name in lost)
     return replace(rest, responses=kept, findings=(*comparison.findings, *told))
 
 

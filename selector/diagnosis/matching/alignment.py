@@ -64,13 +64,12 @@ def _noise(values: Vector) -> float:
 def told(run: str, rows: Rows, at_s: Vector, stamps_s: Vector) -> Finding:
     """That only some readings of a run are compared."""
     recorded, simulated = float(np.median(np.diff(at_s))), float(np.median(np.diff(stamps_s)))
-    return FINDINGS.finding(
-        "coarse-simulation",
+    said = (
         f"Run {run}: the simulation has a value every {simulated:.6g} s, the recording every {recorded:.6g} s; "
-        f"compared are the {len(rows)} of {len(at_s)} readings at which the simulation has a value.",
-        Where(run=run),
-        {"simulated_step_s": simulated, "recorded_step_s": recorded, "rows": len(rows), "of": len(at_s)},
+        f"compared are the {len(rows)} of {len(at_s)} readings at which the simulation has a value."
     )
+    evidence = {"simulated_step_s": simulated, "recorded_step_s": recorded, "rows": len(rows), "of": len(at_s)}
+    return FINDINGS.finding("coarse-simulation", said, Where(run=run), evidence)
 
 
 _PART = 0.8  #: Share of a run below which it is said that the rest of it is not compared.
@@ -233,25 +232,22 @@ def _handed_back(
     found = set()
     own = {run: simulation.time_s(run) for run in at}
     clocks = {run: own[run] - at_s[0] + recording.time_s(run)[0] for run, at_s in at.items()}
-    slower_s = {
-        run: np.maximum(_steps_s(recording.time_s(run), clocks[run]), _steps_s(own[run], own[run])) for run in at
-    }
+    slower = {run: np.maximum(_steps_s(recording.time_s(run), clocks[run]), _steps_s(own[run], own[run])) for run in at}
 
-    def read(name: str, held: Sequence[str], samples: float = 0.0) -> Vector:
-        parts = [_read_at(recording, run, [name], clocks[run] + samples * slower_s[run], 0.0, held) for run in at]
+    def read(samples: float, held: Sequence[str]) -> Vector:
+        parts = [_read_at(recording, run, [name], clocks[run] + samples * slower[run], 0.0, held) for run in at]
         return np.concatenate(parts)[:, 0]
 
     for name in names:
         both = [np.concatenate([of.values(run, [name])[:, 0] for run in at]) for of in (recording, simulation)]
         recorded, simulated = both
         step = max(resolution(recorded), min(resolution(simulated), _SEEN * _noise(recorded)))
-        # whoever resamples a file draws lines between switchings, too
-        off = np.min([np.abs(simulated - read(name, held)) for held in (_HELD_ROLES, ())], axis=0)
+        near = [read(0.0, ())]
         if recording.channel(name).role in _STEPPED_ROLES:
-            near = [read(name, _STEPPED_ROLES, samples) for samples in (-_A_SAMPLE, 0.0, _A_SAMPLE)]
-            beyond = np.fmax(np.fmin.reduce(near) - simulated, simulated - np.fmax.reduce(near))
-            off = np.fmin(off, np.where(np.isfinite(off), np.fmax(beyond, 0.0), np.nan))
-        off = off[np.isfinite(off)]
+            # whoever resamples a file draws lines between switchings, too
+            near = [read(samples, _STEPPED_ROLES) for samples in (0.0, -_A_SAMPLE, _A_SAMPLE)]
+        beyond = np.fmax(np.fmin.reduce(near) - simulated, simulated - np.fmax.reduce(near))
+        off = beyond[np.isfinite(near[0] - simulated)]
         if len(off) and off.max() <= rounding(recorded, step):
             found.add(name)
     return frozenset(found)
@@ -434,9 +430,8 @@ def _held_out(runs: Sequence[str], time: Sequence[Vector], holdout: str) -> Mask
 
 
 def _left_out(run: str, reason: str) -> Finding:
-    return FINDINGS.finding(
-        "run-not-compared", f"Run {run} is not compared: {reason}.", Where(run=run), {}, action="leave-out-run"
-    )
+    said = f"Run {run} is not compared: {reason}."
+    return FINDINGS.finding("run-not-compared", said, Where(run=run), {}, action="leave-out-run")
 
 
 def _listed(names: Sequence[str]) -> str:

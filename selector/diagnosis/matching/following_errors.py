@@ -35,15 +35,14 @@ def with_following_errors(comparison: Comparison) -> Comparison:
     }
     if not names:
         return comparison
+    said = (
+        "{} is taken for what the axis is behind its command, and not for a position: its standard deviation is {:.3g} "
+        "µm, and it goes with its speed."
+    )
+    spread_um = {name: _UM * float(np.nanstd(comparison.recorded[name])) for name in sorted(names)}
     told = (
-        FINDINGS.finding(
-            "following-error",
-            f"{name} is taken for what the axis is behind its command, and not for a position: its standard deviation "
-            f"is {_UM * float(np.nanstd(comparison.recorded[name])):.3g} µm, and it goes with its speed.",
-            Where(channel=name),
-            {},
-        )
-        for name in sorted(names)
+        FINDINGS.finding("following-error", said.format(name, size), Where(channel=name), {})
+        for name, size in spread_um.items()
     )
 
     def in_um(of: Mapping[str, Vector]) -> dict[str, Vector]:

@@ -94,14 +94,9 @@ def exchanged_runs(comparison: Comparison) -> tuple[Finding, ...]:
             where="simulation",
             advice=advice,
         )
-    finding = FINDINGS.finding(
-        "runs-exchanged",
-        f"Simulated runs may stand under each other's names: {said}; the residual variance is at least {fall:.2g} "
-        "times smaller so.",
-        evidence={"fits": dict(pairs), "times_smaller": fall},
-        suggestion=advice,
-    )
-    return (finding,)
+    said = f"Simulated runs may stand under each other's names: {said}; the residual variance is at least {fall:.2g} "
+    evidence = {"fits": dict(pairs), "times_smaller": fall}
+    return (FINDINGS.finding("runs-exchanged", f"{said}times smaller so.", None, evidence, advice),)
 
 
 def _residuals(comparison: Comparison, name: str, parts: Sequence[slice]) -> NDArray[np.float64]:

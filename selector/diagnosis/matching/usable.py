@@ -49,15 +49,9 @@ def at_readings(comparison: Comparison) -> Comparison:
     read = np.any([np.isfinite(comparison.difference(name)) for name in seldom], axis=0)
     is_enough = max(seldom.values()) <= _MOST_ROWS_BETWEEN and int(np.sum(read & ~comparison.held_out)) >= _ROWS
     if len(seldom) < len(every) and (not is_enough or read.all()):
+        clause = "has a value in one row of {:.0f} only, more rarely than other responses"
         told = [
-            FINDINGS.finding(
-                "not-compared",
-                f"{name} is not compared: it has a value in one row of {count:.0f} only, more rarely than other "
-                "responses.",
-                Where(channel=name),
-                {"rows_between": count},
-                f"diagnose it by itself: --response {name}",
-            )
+            not_compared(name, clause.format(count), f"diagnose it by itself: --response {name}", rows_between=count)
             for name, count in seldom.items()
         ]
         kept = tuple(name for name in every if name not in seldom)
@@ -66,16 +60,11 @@ def at_readings(comparison: Comparison) -> Comparison:
         return comparison
     counts = ", ".join(f"{name} has a value in one row of {count:.0f}" for name, count in seldom.items())
     alone = len(seldom) == len(every)
-    said = FINDINGS.finding(
-        "read-seldom",
-        f"{counts}: responses are compared at {'its' if len(seldom) == 1 else 'their'} readings only.",
-        evidence={"rows_between": seldom},
-        suggestion=""
-        if alone
-        else "diagnose the other responses by themselves, with --response, to use all their rows",
-        level="info" if alone else "warning",
-    )
-    return at_readings(replace(comparison.only(read), findings=(*comparison.findings, said)))
+    advice = "" if alone else "diagnose the other responses by themselves, with --response, to use all their rows"
+    said = f"{counts}: responses are compared at {'its' if len(seldom) == 1 else 'their'} readings only."
+    level: Level = "info" if alone else "warning"
+    finding = FINDINGS.finding("read-seldom", said, None, {"rows_between": seldom}, advice, level=level)
+    return at_readings(replace(comparison.only(read), findings=(*comparison.findings, finding)))
 
 
 def rows_in_stretches(comparison: Comparison, seen: Mask) -> int:
@@ -123,6 +112,7 @@ def _rows_between(comparison: Comparison, name: str) -> float:
 LEAST_SAMPLES = 40  #: Compared samples that are needed to fit offset, gain and delay and to tell noise from structure.
 #: How many times larger a number is in another unit, where no calibration error could explain it.
 _UNIT_FACTORS = {1e3: "mm and µm, or m and mm", 1e6: "m and µm", 60.0: "per second and per minute"}
+_NOTHING_LEFT = "there is no difference to explain."
 _SMALLEST = 1e-30  #: Below this the square of a course may be no number.
 _ROUNDED = 0.51  #: Steps of the resolution by which rounding alone makes two equal courses differ.
 #: Of the largest reading: files with a finite number of digits, read back between their rows, differ by less.
@@ -146,12 +136,13 @@ def without_useless(comparison: Comparison, handed_back: frozenset[str], *, aske
         if reason is None and name in inputs and not inputs.issuperset(comparison.responses):
             # what the simulation was given, it hands back
             level: Level = "warning" if asked else "info"
-            findings.append(_told("input-of-simulation", level, name, "is in the simulation as it was recorded"))
+            clause = "is in the simulation as it was recorded"
+            findings.append(not_compared(name, clause, "" if level == "info" else _LOOK, level, "input-of-simulation"))
         elif reason is None:
             _require_same_unit(comparison, name)
             kept.append(name)
         else:
-            findings.append(_told(NOT_COMPARED, "warning", name, reason))
+            findings.append(not_compared(name, reason))
     if not kept:
         ids = (NOT_COMPARED, BEYOND_MEASURE)
         reasons = " ".join(finding.statement for finding in findings if finding.id in ids)
@@ -163,38 +154,22 @@ def without_useless(comparison: Comparison, handed_back: frozenset[str], *, aske
             advice="give longer or more runs, or check the time columns and what the columns hold; join readings that "
             "come in bursts by --mean-s, e.g. --mean-s 60",
         )
+    short = [run for run, rows in comparison.rows_of_runs() if rows.stop - rows.start < LEAST_SAMPLES]
+    said = f"has fewer than {LEAST_SAMPLES} samples: what happens in it alone cannot be told from noise."
     findings += [
-        FINDINGS.finding(
-            "short-run",
-            f"Run {run} has fewer than {LEAST_SAMPLES} samples: what happens in it alone cannot be told from noise.",
-            Where(run=run),
-            {},
-            "record longer",
-            level="info",
-        )
-        for run, rows in comparison.rows_of_runs()
-        if rows.stop - rows.start < LEAST_SAMPLES
+        FINDINGS.finding("short-run", f"Run {run} {said}", Where(run=run), {}, "record longer", level="info")
+        for run in short
     ]
-    findings += [
-        FINDINGS.finding(
-            "simulation-stands-still",
-            f"The simulated {name} never moves: all that was recorded counts as left out.",
-            Where(channel=name),
-            {"value": float(_seen(comparison.simulated[name])[0])},
-        )
-        for name in kept
-        if np.ptp(_seen(comparison.simulated[name])) == 0.0
-    ]
-    findings += [
-        FINDINGS.finding(
-            "simulation-is-recording",
-            f"The simulated {name} is the recorded one to within its rounding: there is no difference to explain.",
-            Where(channel=name),
-            {"largest_difference": float(np.abs(_seen(comparison.difference(name))).max())},
-        )
-        for name in kept
-        if name in copies
-    ]
+    for name in kept:
+        simulated = _seen(comparison.simulated[name])
+        if np.ptp(simulated) == 0.0:
+            said = f"The simulated {name} never moves: all that was recorded counts as left out."
+            evidence = {"value": float(simulated[0])}
+            findings.append(FINDINGS.finding("simulation-stands-still", said, Where(channel=name), evidence))
+        if name in copies:
+            said = f"The simulated {name} is the recorded one to within its rounding: {_NOTHING_LEFT}"
+            evidence = {"largest_difference": float(np.abs(_seen(comparison.difference(name))).max())}
+            findings.append(FINDINGS.finding("simulation-is-recording", said, Where(channel=name), evidence))
     return replace(comparison, responses=tuple(kept), findings=tuple(findings))
 
 
@@ -259,9 +234,15 @@ def _require_same_unit(comparison: Comparison, name: str) -> None:
             )
 
 
-def _told(id_: str, level: Level, name: str, clause: str) -> Finding:
-    statement, advice = f"{name} is not compared: it {clause}.", "check the recording and the file"
-    return FINDINGS.finding(id_, statement, Where(channel=name), {}, "" if level == "info" else advice, level=level)
+_LOOK = "check the recording and the file"
+
+
+def not_compared(
+    name: str, clause: str, advice: str = _LOOK, level: Level = "warning", id_: str = NOT_COMPARED, **evidence: float
+) -> Finding:
+    """The finding that a response is not compared: it `clause`; `evidence` are numbers behind that."""
+    statement = f"{name} is not compared: it {clause}."
+    return FINDINGS.finding(id_, statement, Where(channel=name), evidence, advice, level=level)
 
 
 def _seen(values: Vector) -> Vector:
@@ -306,7 +287,7 @@ def without_fitted_difference(comparison: Comparison) -> tuple[str, ...]:
 def diagnosis_of_copy(comparison: Comparison, *, seed: int = 0) -> Diagnosis:
     """The answer if every response was simulated as it was recorded, to within rounding, wherever it is fitted."""
     later = [name for name in comparison.responses if name not in identical_responses(comparison)]
-    headline = "The simulation is the recording to within its rounding: there is no difference to explain."
+    headline = f"The simulation is the recording to within its rounding: {_NOTHING_LEFT}"
     if later:
         headline = (
             "The simulation is the recording to within its rounding where it is fitted, and differs in "

@@ -456,14 +456,11 @@ def told_of_wandering(
         time_s = min(float(np.exp(logs)) * comparison.period_s, 0.5 * comparison.longest_s)
         size = float(np.sqrt(variance[slow].sum()))
         unit = comparison.channel(response).unit
-        found.append(
-            FINDINGS.finding(
-                "slow-remainder",
-                f"What is left in {response} wanders slowly: {amount(size, unit)} rms, correlation time about "
-                f"{duration_words(time_s)}. This record cannot tell noise that wanders from a slow effect that nobody "
-                "recorded.",
-                Where(channel=response),
-                evidence={"correlation_time_s": time_s, "rms": size, "unit": unit, "share_of_variance": share},
-            )
+        said = (
+            f"What is left in {response} wanders slowly: {amount(size, unit)} rms, correlation time about "
+            f"{duration_words(time_s)}. This record cannot tell noise that wanders from a slow effect that nobody "
+            "recorded."
         )
+        evidence = {"correlation_time_s": time_s, "rms": size, "unit": unit, "share_of_variance": share}
+        found.append(FINDINGS.finding("slow-remainder", said, Where(channel=response), evidence))
     return tuple(sorted(found, key=lambda finding: finding.where.channel or ""))

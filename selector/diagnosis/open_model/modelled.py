@@ -309,14 +309,9 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
         )
     findings = [*answer.findings, _mode(runnable, tried), *first.findings]
     if lacking and runnable.mode == "C":
-        findings.append(
-            FINDINGS.finding(
-                "not-in-model",
-                f"The model file cannot express {', '.join(lacking)}: the errors of the answer are those with a "
-                "correction beside the model.",
-                evidence={"effects": lacking},
-            )
-        )
+        said = "the errors of the answer are those with a correction beside the model."
+        said = f"The model file cannot express {', '.join(lacking)}: {said}"
+        findings.append(FINDINGS.finding("not-in-model", said, evidence={"effects": lacking}))
     where = [
         replace(place, place=effect.place, share=place.share * effect.share)
         for effect in effects
@@ -506,12 +501,9 @@ def _mode(runnable: Runnable, tried: _Tried) -> Finding:
     what = "own model" if runnable.mode == "C" else "a black box that can be run again"
     times = tried.first.runs + sum(one.refit.runs for one in tried.put)
     refitted = {name: dict(vars(one)) for name, one in tried.last.quantities.items()}
-    return FINDINGS.finding(
-        "mode",
-        f"Mode {runnable.mode}: {what}, {runnable.name!r}; {len(tried.first.values)} parameters refitted, simulated "
-        f"{times} times.",
-        evidence={"mode": runnable.mode, "refitted": refitted},
-    )
+    said = f"Mode {runnable.mode}: {what}, {runnable.name!r}; {len(tried.first.values)} parameters refitted, "
+    evidence = {"mode": runnable.mode, "refitted": refitted}
+    return FINDINGS.finding("mode", f"{said}simulated {times} times.", evidence=evidence)
 
 
 def _rms(values: Vector) -> float:

@@ -138,15 +138,12 @@ def _recording(comparison: Comparison) -> Recording:
 
 def _told_already(finding: Finding, faults: list[InputFault]) -> bool:
     """Whether a jump was told of which this drift is the consequence, or the exchange from its other side."""
-    where = finding.where
-    for fault in faults:
-        if fault.run != where.run:
-            continue
-        if fault.id == _IDS[finding.id] == "data.swapped" and fault.evidence.get("other") == where.channel:
-            return True
-        if finding.id == DRIFTS_FROM_GROUP and fault.channel == where.channel:
-            return True
-    return False
+    channel, there = finding.where.channel, [fault for fault in faults if fault.run == finding.where.run]
+    if finding.id == DRIFTS_FROM_GROUP:
+        return any(fault.channel == channel for fault in there)
+    return any(
+        fault.id == _IDS[finding.id] == "data.swapped" and fault.evidence.get("other") == channel for fault in there
+    )
 
 
 def _fault(comparison: Comparison, finding: Finding) -> InputFault:
