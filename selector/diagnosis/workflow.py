@@ -50,7 +50,7 @@ from selector.diagnosis.evidence.naming import (
 )
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, numbers, search
+from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, is_slow_in_one_run, numbers, search
 from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record, told_of_wandering, unexplained
@@ -376,10 +376,12 @@ def _named_clearly(state: _State) -> _State:
 
 
 def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> bool:
-    """Whether a name carries little to unseen rows, or is little and unsure."""
+    """Whether a name carries little to unseen rows, is little and unsure, or a slow fault in an only run."""
     if effect.id == "data.stuck":
         return False
-    if is_doubted and effect.share < TENTH and effect.acts is None and effect.confidence <= SUSPECTED:
+    named = found.named.get(effect.id, {}).items()
+    is_part = is_doubted and effect.share < TENTH and effect.acts is None and effect.confidence <= SUSPECTED
+    if is_part or any(is_slow_in_one_run(found.benches[name], v) for name, v in named):
         return True
     gap = found.closed.get(effect.id)
     if effect.share >= MOST_OF_IT or effect.id not in found.named:

@@ -11,6 +11,7 @@ from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.testing import Tested, of_all, tail_probability, tests_of
+from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.shapes.machine_cycle import MachineCycle
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
@@ -21,6 +22,7 @@ Named = dict[str, dict[str, int]]  #: Effect id → response → number of the c
 _MOST = 5
 _FINEST = 0.02  #: Steps of the reading: what never moves it as far cannot be read from it, but by the rounding itself.
 _NEARLY = 0.6
+_LEAP = 0.5  #: Of a fault's size: a reading that changes by as much from one sample to the next is not slow.
 #: Canonical correlation of courses from which two effects stand together, where laws are all somewhat wrong.
 _THE_SAME = 0.9
 _RIVAL = 0.2  #: An effect of less than this share of the weight of the named one is told from it.
@@ -482,8 +484,12 @@ def _by_transfer(
                     the_same.add(other)
         ranked = sorted(falls, key=lambda one: -falls[one])
         good = [other for other in ranked if falls[other] >= _AS_GOOD or other in the_same]
+        is_slow = is_slow_in_one_run(benches[main], of[main])
+        if is_slow:
+            # a machine does so as well
+            good = [other for other in good if not other.startswith("data.")]
         best = good[0] if good else id_
-        is_better = best != id_ and falls[best] > _CLEARLY_BETTER
+        is_better = best != id_ and (is_slow or falls[best] > _CLEARLY_BETTER)
         if (
             is_better
             and beside[best].is_the_same_in_all_runs
@@ -506,6 +512,17 @@ def _explains_as_much(bench: Bench, others: Named, beside: Mapping[str, Standing
     before = bench.mean_square(base)
     falls = [before - bench.mean_square([*base, beside[id_].tested[name].best]) for id_ in (own, other)]
     return falls[1] >= _AS_GOOD * falls[0]
+
+
+def is_slow_in_one_run(bench: Bench, v: int) -> bool:
+    """Whether a candidate is a slow fault of a channel in the only run: what the machine itself does looks like it.
+
+    A reading that leaps from one sample to the next is not slow.
+    """
+    if bench.candidates[v].effect.id not in ("data.drift", "data.step") or np.ptp(bench.runs[bench.fitted]) > 0:
+        return False
+    course = bench.raw(v) @ bench.coefficients([v])[0][-bench.counts[v] :]
+    return float(np.nanmax(np.abs(np.diff(bench.target[bench.fitted])))) < _LEAP * rms(course[bench.fitted])
 
 
 def _unseen_share(benches: Benches, others: Named, of: Mapping[str, int], rival: Mapping[str, int]) -> float:
