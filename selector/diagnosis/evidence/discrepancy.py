@@ -166,15 +166,11 @@ def _evidence(bench: Bench, others: Sequence[int], own: NDArray[np.intp], waves:
         more = power * values**2
         shrunk = more / (1.0 + more)
         without_it[k] = 0.5 * np.sum(shrunk * of_target**2) - 0.5 * np.sum(np.log1p(more))
-        gains = [
-            _gain(one.T @ one - part.T @ (shrunk[:, None] * part), one.T @ target - part.T @ (shrunk * of_target))
-            for one, part in zip(columns, inside, strict=True)
-        ]
+        gains = []
+        for one, part in zip(columns, inside, strict=True):
+            score = one.T @ target - part.T @ (shrunk * of_target)
+            gains.append(float(score @ least_squares(one.T @ one - part.T @ (shrunk[:, None] * part), score)))
         with_it[k] = without_it[k] + logsumexp(0.5 * (np.array(gains) - prices)) - np.log(len(gains))
     odds = np.log(np.r_[0.5, np.full(len(_SIZES), 0.5 / len(_SIZES))])
     likeliest = float(np.r_[0.0, _SIZES][int(np.argmax(with_it + odds))])
     return with_it[0] - without_it[0], float(logsumexp(with_it + odds) - logsumexp(without_it + odds)), likeliest
-
-
-def _gain(gram: Matrix, score: Vector) -> float:
-    return float(score @ least_squares(gram, score))

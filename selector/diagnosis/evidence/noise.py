@@ -52,7 +52,9 @@ def noise_model(residual: Vector, parts: list[slice], *, lost: int = 0, rounding
     """
     whole = filled_rows(residual, parts)
     filled = [whole[part] for part in parts]
-    spread = _spread(np.concatenate(filled))
+    values = np.concatenate(filled)
+    # robust; the plain one where more than half of the values are alike
+    spread = 1.4826 * float(np.median(np.abs(values - np.median(values)))) or float(np.std(values))
     if spread == 0.0:
         return NoiseModel(np.zeros(0), rounding)
     clipped = [np.clip(part, -4.0 * spread, 4.0 * spread) for part in filled]
@@ -125,9 +127,3 @@ def filled_rows(values: Vector, parts: Sequence[slice]) -> Vector:
         at = np.arange(part.stop - part.start)
         result[part] = values[part] if seen.all() else np.interp(at, at[seen], values[part][seen])
     return result
-
-
-def _spread(values: Vector) -> float:
-    """Robust standard deviation; the plain one where more than half of the values are alike."""
-    robust = 1.4826 * float(np.median(np.abs(values - np.median(values))))
-    return robust if robust > 0.0 else float(np.std(values))

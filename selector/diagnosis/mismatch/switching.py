@@ -146,7 +146,9 @@ def switched(
         return None
     record = _means(comparison, target, base, rows, most=_READINGS)
     longest_s = record.period_s * max(part.stop - part.start for part in record.runs)
-    quiet = _variance_of_changes(record)
+    # variance of noise, from its changes from reading to reading, of which a switch makes few
+    changes = np.concatenate([np.diff(record.target[part]) for part in record.runs])
+    quiet = max(0.5 * (1.4826 * float(np.median(np.abs(changes)))) ** 2, 1e-300)
     lags_s = _likeliest_lags(record, longest_s / 3.0, quiet)
     if lags_s and lags_s[0] > longest_s / 5.0:
         return None
@@ -191,12 +193,6 @@ def _means(
     ends, values = np.cumsum(runs).tolist(), np.concatenate(parts)
     slices = tuple(slice(end - n, end) for n, end in zip(runs, ends, strict=True))
     return _Record(values[:, 0], values[:, 2:], values[:, 1], slices, width * comparison.period_s)
-
-
-def _variance_of_changes(record: _Record) -> float:
-    """Variance of noise, from its changes from reading to reading, of which a switch makes few."""
-    changes = np.concatenate([np.diff(record.target[part]) for part in record.runs])
-    return max(0.5 * (1.4826 * float(np.median(np.abs(changes)))) ** 2, 1e-300)
 
 
 def _likeliest_lags(record: _Record, longest_s: float, variance: float) -> Lags:

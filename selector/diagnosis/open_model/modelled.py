@@ -292,7 +292,9 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
     verdict: Verdict = "missing-physics" if any(not is_data(e.id) for e in effects) else "data-fault"
     if not effects:
         is_near = _is_near(first.nominal, last.comparison, floor)
-        if (answer.verdict == "unexplained" and not _is_noise(answer)) or not is_near:
+        held = [fit.heldout for fit in answer.fit.values()]
+        is_noise = all(of.noise_floor is not None and of.rmse_after <= _AT_NOISE * of.noise_floor for of in held)
+        if (answer.verdict == "unexplained" and not is_noise) or not is_near:
             verdict = "unexplained"
         elif _is_recalibrated(first) or answer.verdict == "miscalibrated":
             verdict = "miscalibrated"
@@ -318,6 +320,7 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
         for channel in effect.channels
         for place in active_windows(answer.comparison, channel, effect.courses[channel])
     ]
+    sets = [(one, (one.id, *one.cannot_be_told_from)) for one in put]
     if len(beside) < len(answer.effects):
         # what is told of offset, gain and delay stands beside what is told, and nothing else
         alone = diagnosis(last.comparison, seed=seed, effects=[effect_of(one.id) for one in beside])
@@ -331,7 +334,7 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
         also_seen=tuple(also),
         fit={name: _fit(name, tried, seed, any(name in e.channels for e in beside)) for name in answer.fit},
         evidence=tuple(_evidence(tried, {e.id for e in effects})),
-        next_runs=(*_next_runs(tried, put), *answer.next_runs),
+        next_runs=(*(NextRun(one.experiment, ids, None, None) for one, ids in sets if len(ids) > 1), *answer.next_runs),
         recalibration={**answer.recalibration, "model": dict(last.quantities)},
         findings=tuple(findings),
     )
@@ -415,12 +418,6 @@ def _evidence(tried: _Tried, named: Collection[str]) -> Iterator[Evidence]:
         yield Evidence(id_, response, 0.0, 1.0, False, f"not testable here: fitted as {parameter}")
 
 
-def _next_runs(tried: _Tried, named: Sequence[NamedEffect]) -> Iterator[NextRun]:
-    for effect in named:
-        if effect.cannot_be_told_from:
-            yield NextRun(effect.experiment, (effect.id, *effect.cannot_be_told_from), None, None)
-
-
 def _fit(name: str, tried: _Tried, seed: int, has_more: bool) -> Fit:
     """Errors of the simulation as given, with its parameters fitted, and of the model with what was put in.
 
@@ -465,12 +462,6 @@ def _closed(middle: Vector, after: Vector, floor: float, seed: int) -> Quantity 
     """Share of the way from the refitted model to the noise that was gone, with a block bootstrap interval."""
     blocks = np.array_split(np.flatnonzero(np.isfinite(middle) & np.isfinite(after)), 20)
     return share_closed([block for block in blocks if len(block)], middle, after, floor, seed)
-
-
-def _is_noise(answer: Diagnosis) -> bool:
-    """Whether no response is further off in unseen rows than its noise makes it."""
-    held = [fit.heldout for fit in answer.fit.values()]
-    return all(of.noise_floor is not None and of.rmse_after <= _AT_NOISE * of.noise_floor for of in held)
 
 
 def _is_near(given: Comparison, fitted: Comparison, floor: Mapping[str, float]) -> bool:
