@@ -88,9 +88,12 @@ def test_what_wrong_parameters_do_as_well_is_half_sure_and_says_so(slow, id_, ri
     moved = np.std(made.recorded["Z"][~made.held_out])
     course = of_movement * moved * slow / np.std(slow[~made.held_out])
     effect = replace(named_effect(made, result, "thermal.memory"), id=id_, confidence=0.9, courses={"Z": course})
-    told = or_parameters(made, result, replace(effect, cannot_be_told_from=rivals))
+    effect = replace(effect, cannot_be_told_from=rivals)
+    told = or_parameters(made, result, effect)
     assert told.confidence == (0.5 if is_like else 0.9)
     assert ("few per cent off" in told.statement) == is_like
+    of_one_run = replace(effect, id="data.drift", acts=("r2", 0.0, None))
+    assert or_parameters(made, result, of_one_run) == of_one_run
 
 
 @pytest.mark.parametrize(("unseen", "is_less"), [(1.0, False), (0.3, True)])

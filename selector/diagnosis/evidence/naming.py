@@ -211,7 +211,9 @@ def as_carried(effect: NamedEffect, found: Search) -> NamedEffect:
 def or_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> NamedEffect:
     """The effect no surer than half where wrong parameters do the same, or what it cannot be told from; and told so."""
     is_like = _is_little_force(comparison, found, effect)
-    if not _OF_HEAT.isdisjoint((effect.id, *effect.cannot_be_told_from)):
+    # no parameter is wrong in one run alone
+    rivals = effect.cannot_be_told_from if effect.acts is None else ()
+    if not _OF_HEAT.isdisjoint((effect.id, *rivals)):
         fitted, course = found.benches[effect.channel].fitted, effect.courses[effect.channel]
         is_like = bool(np.std(course[fitted]) < _OF_MOVEMENT * np.nanstd(comparison.recorded[effect.channel][fitted]))
     if not is_like:
