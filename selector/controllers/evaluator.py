@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from selector.controllers.model_file import Fallback, Input, ModelFile, Output, State, Term
 from selector.errors import RecordingError
+from selector.models.design import lagged
 from selector.types import Array
 
 BLOCK_SAMPLES = 8192  #: Samples worked on at a time: the values of 37 inputs stay in the processor's cache.
@@ -163,32 +164,12 @@ def _scaled(
         x[item.name] = values - start[item.name] if item.reference == "rise" else values
         z[item.name] = (x[item.name] - item.centre) / item.scale
     for state in model.states:
-        lagged = _lagged(time_s, x[state.source], state, memory)
-        z[state.name] = (lagged - state.centre) / state.scale
+        last_s, level = memory.get(state.name, (math.nan, math.nan))
+        of_one = (np.array([one]) for one in (state.tau_s, level, last_s))
+        series, (level,), (last_s,) = lagged(x[state.source][:, None], time_s, *of_one)
+        memory[state.name] = float(last_s), float(level)
+        z[state.name] = (series[:, 0] - state.centre) / state.scale
     return z
-
-
-def _lagged(time_s: Array, x: Array, state: State, memory: dict[str, tuple[float, float]]) -> Array:
-    """First-order lag, backward Euler: stable for any step, and needs no exponential function."""
-    lagged = np.full(len(x), np.nan)
-    there = np.flatnonzero(~np.isnan(x))
-    if len(there) == 0:
-        return lagged
-    times, values = time_s[there], x[there]
-    levels = []
-    if state.name not in memory:
-        memory[state.name] = (float(times[0]), float(values[0]))
-        levels.append(float(values[0]))
-        times, values = times[1:], values[1:]
-    before_s, level = memory[state.name]
-    dt_s = np.diff(times, prepend=before_s)
-    gains = dt_s / (state.tau_s + dt_s)
-    for gain, value in zip(gains.tolist(), values.tolist(), strict=True):
-        level = level + gain * (value - level)
-        levels.append(level)
-    lagged[there] = levels
-    memory[state.name] = (float(time_s[there[-1]]), level)
-    return lagged
 
 
 def output_bound_um(model: Equations, output: Output) -> float:

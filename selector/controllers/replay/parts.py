@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,14 +172,8 @@ def places_m(model: ModelFile, rows: Rows) -> Array:
 #: Calls are replayed at whole eighths of a second: ms are whole, and binary32 counts them exactly up to 10^6 s.
 TIME_STEP_S = 0.125
 
-
-class Execution(Protocol):
-    """Runs one file of an export."""
-
-    def __call__(self, model: ModelFile, rows: Rows, files: Mapping[str, str], main: Answers) -> Answers:
-        """What it gives row by row; `main` = what the first file gave, for those that go on with it."""
-
-
+#: Runs one file of an export: what it gives row by row; last what the first file gave, for those that go on with it.
+Execution = Callable[[ModelFile, Rows, Mapping[str, str], Answers], Answers]
 #: Corrections that a file has to give, of shape (n_rows, n_outputs) [µm], from the answers of the whole guard and of
 #: the first file.
 Expected = Callable[[ModelFile, Rows, Answers, Answers], Array]

@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pandas as pd
@@ -22,38 +22,11 @@ from selector.physics.model_text import Key, plain_values
 from selector.physics.simulation_kind import Columns, RunSettings, SimulationKind, simulation_kinds
 from selector.recording import Recording
 
-Mode = Literal["B", "C"]
+Mode = Literal["B", "C"]  #: B: a black box; C: one of our own models, with open equations
 
 #: Sections with numbers that a control was set to, which nobody has to fit.
 _KNOWN = ("servo", "sensing", "thresholds", "relay")
 _INSEPARABLE = "area_m2"  #: A film on an area cannot be told from a better one on a smaller area.
-
-
-class Runnable(Protocol):
-    """A simulation that can be run again with other values of its parameters."""
-
-    @property
-    def name(self) -> str:
-        """What it is called."""
-
-    @property
-    def mode(self) -> Mode:
-        """B: a black box; C: one of our own models, with open equations."""
-
-    @property
-    def parameters(self) -> Mapping[str, Parameter]:
-        """Every number that may be set: value, bounds and unit."""
-
-    @property
-    def refitted(self) -> tuple[str, ...]:
-        """Names of those that recalibration may change."""
-
-    @property
-    def bounded(self) -> frozenset[str]:
-        """Names of those whose bounds somebody has thought about."""
-
-    def simulated(self, values: Mapping[str, float]) -> Recording:
-        """The runs of the recordings at their times, under the names of their channels, with these values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,6 +283,11 @@ class FmuModel:
             ) from error
         columns = {name: np.asarray(result[name], dtype=np.float64) for name in self.outputs}
         return pd.DataFrame(columns, index=pd.Index(np.asarray(result["time"], dtype=np.float64), name="time_s"))
+
+
+Runnable = (
+    OwnModel | FunctionModel | FmuModel
+)  #: A simulation that can be run again with other values of its parameters.
 
 
 @contextmanager
