@@ -83,21 +83,22 @@ def deviates(values: Array) -> Array:
     """
     values = values - values[0]
     wildest = np.asarray(-t.ppf(norm.cdf(-WILD), np.arange(1, len(values))))
+    # of the first value, the first two, …: their mean, and the squares about it
+    means = np.cumsum(values) / np.arange(1, len(values) + 1)
+    squares = np.r_[0.0, np.cumsum((values[1:] - means[:-1]) * (values[1:] - means[1:]))].tolist()
     ratio, before, wild = np.zeros(len(values) - 2), np.arange(2, len(values)), 0
     for i, value in enumerate(values[2:].tolist()):
         for n in dict.fromkeys((i + 2 - wild, i + 2)):
-            step = value - float(values[:n].mean())
-            spread = math.sqrt(float(values[:n].var(ddof=1)) * (1.0 + 1.0 / n))
+            step, spread = value - float(means[n - 1]), math.sqrt(squares[n - 1] / (n - 1) * (1.0 + 1.0 / n))
             before[i], ratio[i] = n, step / spread if spread > 0.0 else math.copysign(math.inf, step) if step else 0.0
             wild = i + 3 - n if abs(ratio[i]) > wildest[n - 2] else 0
             if wild:
                 break
     # the smaller tail keeps its digits
     by_size = -np.sign(ratio) * norm.ppf(t.cdf(-np.abs(ratio), before - 1))
-    is_before = np.arange(len(values)) < before[:, None]
-    smaller = np.sum(is_before & (values < values[2:, None]), axis=1)
-    not_larger = np.sum(is_before & (values <= values[2:, None]), axis=1)
-    by_rank = norm.ppf((0.5 * (smaller + not_larger) + 0.5) / (before + 1.0))
+    # those before it that are smaller, and half of those that are equal
+    below = (np.arange(len(values)) < before[:, None]) * 0.5 * (np.sign(values[2:, None] - values) + 1.0)
+    by_rank = norm.ppf((below.sum(axis=1) + 0.5) / (before + 1.0))
     weight = 1.0 / (1.0 + (before / RANKED_FROM_RUNS) ** 2)
     return np.asarray(weight * np.clip(by_size, -LARGEST_DEVIATE, LARGEST_DEVIATE) + (1.0 - weight) * by_rank)
 
