@@ -1,4 +1,4 @@
-"""What holds in every test: time that Hypothesis may take, what is collected as garbage, who compiles."""
+"""What holds in every test: time that Hypothesis may take, what is collected as garbage, who compiles, what begins."""
 
 from __future__ import annotations
 
@@ -22,6 +22,19 @@ settings.register_profile(
     "unhurried", deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow]
 )  # fmt: skip
 settings.load_profile("unhurried")
+
+
+# Browsers, servers and a control: for seven minutes their process computes less than a quarter of the time.
+WAITING = ("tests/workbench/", "tests/live/", "tests/controllers/test_linuxcnc")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What waits begins, in one process beside others that compute; at the end it would wait alone.
+
+    Folders stay whole, and in their order: `--dist worksteal` deals the first part to the first process, from whose
+    end the others then take.
+    """
+    items.sort(key=lambda item: not item.nodeid.startswith(WAITING))
 
 
 def pytest_collection_finish() -> None:
