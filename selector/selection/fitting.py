@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from selector.models.design import Datum, Design, Rows, Scaling, Term, design_matrix, rows_of
 from selector.models.least_squares import FittedModel, fit
@@ -79,6 +78,8 @@ def refined(
         taus = [float(f"{tau:.4g}") for tau in np.exp(log_taus)]
         shape = Shape(trial.shape.form, tuple(taus[:n_sensor]), tuple(taus[n_sensor:]))
         return Recipe.of(question, datum, trial.set.sensors, shape)
+
+    from scipy.optimize import minimize
 
     def misfit(log_taus: Array) -> float:
         bounded = np.clip(log_taus, start - TAU_REACH, start + TAU_REACH)
