@@ -136,15 +136,15 @@ def polynomial_terms(variables: Sequence[str], degree: int, *, interactions: boo
     >>> [str(term) for term in polynomial_terms(["T1", "T3"], 2, interactions=True)]
     ['T1', 'T3', 'T1^2', 'T1·T3', 'T3^2']
     """
-    total = max(2, degree) if interactions else degree
-    terms = []
-    for order in range(1, total + 1):
-        for combination in itertools.combinations_with_replacement(variables, order):
-            powers = {name: combination.count(name) for name in dict.fromkeys(combination)}
-            if max(powers.values()) > degree or (len(powers) > 1 and not interactions):
-                continue
-            terms.append(Term.of(powers))
-    return tuple(terms)
+    return _polynomial_terms(tuple(variables), degree, interactions)
+
+
+@functools.lru_cache(maxsize=10_000)  # a choice asks for the terms of the same few sets again and again
+def _polynomial_terms(variables: tuple[str, ...], degree: int, interactions: bool) -> tuple[Term, ...]:
+    orders = range(1, 1 + (max(2, degree) if interactions else degree))
+    products = itertools.chain.from_iterable(itertools.combinations_with_replacement(variables, n) for n in orders)
+    powers = ({name: one.count(name) for name in dict.fromkeys(one)} for one in products)
+    return tuple(Term.of(of) for of in powers if max(of.values()) <= degree and (interactions or len(of) == 1))
 
 
 @dataclass(frozen=True)
