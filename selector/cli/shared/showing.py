@@ -151,7 +151,7 @@ def show_account(console: Console, account: Account, *, everything: bool = False
 def _within(console: Console, told: Captioned, room: int, most: int, note: str) -> tuple[int, int]:
     """How many rows of a table there is room for, and how many lines are left then."""
     n = len(told.table.rows)
-    for rows in range(min(n, most), min(n, LEAST_ROWS) - 1, -1):
+    for rows in range(min(n, most, room), min(n, LEAST_ROWS) - 1, -1):
         lines = len(console.render_lines(_table_of(told, told.caption, rows), pad=False))
         left = room - lines - (_height(console, note, "") if note or rows < n else 0)
         if left >= 0:
