@@ -201,7 +201,7 @@ def _viterbi(logs, switch, change):  # type: ignore[no-untyped-def]
                 if score[j] - cost > best:
                     best, at = score[j] - cost, j
             following[k], origin[t, k] = best + logs[t, k], at
-        score[:] = following
+        score, following = following, score
     states = np.empty(n, np.int64)
     states[n - 1] = np.argmax(score)
     for t in range(n - 1, 0, -1):
