@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import pickle
 import runpy
 from pathlib import Path
 
@@ -12,8 +11,8 @@ import pandas as pd
 import pytest
 
 from selector.cli import exit_status
-from selector.physics.thermal.modes import choice
 from selector.telling.predicted.document import prediction_of
+from tests.physics.thermal.modes_chosen import modes_chosen_once as modes_chosen_once
 
 FIXTURES = Path(__file__).resolve().parents[2] / "fixtures" / "dutycycle"
 CYCLES = FIXTURES / "cycles"
@@ -47,20 +46,7 @@ def steadies_of_the_printed_program():
     return tau, {1000.0: first, 2000.0: second, 1600.0: third}
 
 
-@pytest.fixture(autouse=True, scope="module")
-def modes_chosen_once():
-    """The modes of tests that several predictions are made from are searched once."""
-    chosen, known = choice.choose_modes, {}
-
-    def shared(tests, responses):
-        asked = pickle.dumps((tests, responses))
-        if asked not in known:
-            known[asked] = chosen(tests, responses)
-        return known[asked]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(choice, "choose_modes", shared)
-        yield
+pytestmark = pytest.mark.usefixtures("modes_chosen_once")
 
 
 @pytest.fixture(scope="module")

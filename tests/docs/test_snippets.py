@@ -16,6 +16,7 @@ import pytest
 
 from selector.cli import exit_status
 from tests.physics.gauging.quick_trials import shorten_trials
+from tests.physics.thermal.modes_chosen import modes_chosen_once as modes_chosen_once
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -111,7 +112,7 @@ def page_name(page: Path) -> str:
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(tmp_path, monkeypatch, modes_chosen_once):
     try:
         (tmp_path / "fixtures").symlink_to(ROOT / "fixtures", target_is_directory=True)
     except OSError:  # Windows without the right to make links
