@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from selector.findings import Finding
+from selector.quality.bridging import bridged
 from selector.quality.broken_sensors import broken_sensors, frozen, out_of_range
 from selector.quality.completeness import (
-    bridged,
     clock_jumps,
     empty_channels,
     few_values,

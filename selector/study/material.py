@@ -97,7 +97,9 @@ def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overri
     stream = stream_parquet(runs, named, overrides)
     rows = sum(stream.rows(run) for run in stream.runs)
     stride = max(1, -(-rows // INSPECTED_ROWS))
-    faults = inspect(thinned(stream, stride))
+    inspected = thinned(stream, stride)
+    faults = inspect(inspected)
+    lost = bridged(without_faults(inspected, faults))[1]
     found = FINDINGS.finding(
         "read-in-pieces",
         f"The recordings hold {rows} rows and were read in pieces; faults were looked for in every {stride}th row.",
@@ -112,8 +114,8 @@ def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overri
         },
     }
     return Material(
-        StreamWithoutFaults(stream, faults),
-        without_folders((*stream.findings, found, *faults)),
+        StreamWithoutFaults(stream, faults, lost),
+        without_folders((*stream.findings, found, *faults, *lost)),
         provenance,
         None,
         tuple((str(entry["file"]), entry["sha256"]) for entry in stream.provenance["runs"].values()),

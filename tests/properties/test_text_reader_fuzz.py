@@ -180,9 +180,15 @@ def test_converted_recordings_read_back_bit_for_bit(
     again = read([out / f"r1.{form}"], out / "machine.toml")
     assert again.recording.channels == first.recording.channels
     assert np.array_equal(again.recording.time_s("r1"), first.recording.time_s("r1"))
-    one, two = (r.recording.values("r1", r.recording.names) for r in (first, again))
-    assert np.array_equal(one.view(np.int64)[~np.isnan(one)], two.view(np.int64)[~np.isnan(one)])
-    assert np.array_equal(np.isnan(one), np.isnan(two))
+    for name in first.recording.names:
+        one, two = (r.recording.values("r1", [name])[:, 0] for r in (first, again))
+        known = ~np.isnan(one)
+        assert np.array_equal(known, ~np.isnan(two))
+        with np.errstate(over="ignore"):
+            is_single = form == "csv" and np.array_equal(one.astype(np.float32), one, equal_nan=True)
+        # what holds nothing but single precision has its digits, and is the same in single precision
+        kind, bits = (np.float32, np.int32) if is_single else (np.float64, np.int64)
+        assert np.array_equal(one[known].astype(kind).view(bits), two[known].astype(kind).view(bits))
     assert machine_from_text(machine_text(machine_of(again)), "x") == machine_of(again)
 
 

@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.signal import savgol_filter
 
 from selector.diagnosis.comparison import Comparison
+from selector.physics.thermal.schedule import lagged as first_order
 from selector.types import Matrix, Vector
 
 
@@ -36,26 +36,9 @@ def rise(comparison: Comparison, values: Vector, *, over_samples: int = 5) -> Ve
 
 
 def lagged(comparison: Comparison, values: Vector, tau_s: float, *, settled: bool = False) -> Vector:
-    """First-order lag τ·s' = x − s of a course, exact for a source that is linear between samples.
-
-    Starts at 0 in every run, or with `settled` at the first sample. No lag (`tau_s` 0) is the course itself.
-    """
-    if tau_s <= 0.0:
-        return np.array(values, dtype=np.float64)
-    whole = np.ascontiguousarray(values, dtype=np.float64)
-    return by_run(comparison, lambda x, t: _lag(x, t, tau_s, x[0] if settled else 0.0), whole, comparison.time_s)
-
-
-@njit(cache=True, nogil=True)
-def _lag(x, time_s, tau_s, start):  # type: ignore[no-untyped-def]
-    s = np.empty(len(x))
-    s[0] = start
-    for k in range(1, len(x)):
-        r = (time_s[k] - time_s[k - 1]) / tau_s
-        e = np.exp(-r)
-        m = (1.0 - e) / r if r > 1e-9 else 1.0
-        s[k] = e * s[k - 1] + (m - e) * x[k - 1] + (1.0 - m) * x[k]
-    return s
+    """First-order lag of a course, run by run, see `schedule.lagged`; it starts at 0, or with `settled` settled."""
+    start = None if settled else 0.0
+    return by_run(comparison, lambda x, t: first_order(t, x, tau_s, start), values, comparison.time_s)
 
 
 def rate(comparison: Comparison, values: Vector, *, over_samples: int = 1) -> Vector:

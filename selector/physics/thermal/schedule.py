@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from selector.errors import InputError, OptionError
 from selector.physics.model_text import Column
@@ -214,21 +215,27 @@ def _unusable(found: str, expected: str, advice: str) -> OptionError:
     return OptionError(found, expected=expected, where="the recording that drives the model", advice=advice)
 
 
-def lagged(time_s: Vector, values: Vector, tau_s: float) -> Vector:
-    """Response of a first-order sensor y' = (x − y)/τ that starts settled, shape (n_times,).
+def lagged(time_s: Vector, values: Vector, tau_s: float, start: float | None = None) -> Vector:
+    """First-order lag τ·y' = x − y, shape (n_times,), exact for a course that is straight between its samples.
 
-    Exact for a course that is straight between its samples; a lag of 0 changes nothing.
+    It starts settled, or at `start`. A lag of 0 is the course itself.
     """
-    if tau_s <= 0.0 or len(values) < 2:
-        return np.array(values)
-    step = np.diff(time_s)
-    left = np.exp(-step / tau_s)
-    # over one step the input is x0 + slope·t: y = x1 − slope·τ + (y0 − x0 + slope·τ)·left
-    offset = np.diff(values) / step * tau_s
-    answer = np.array(values)
-    for i, keep in enumerate(left):
-        answer[i + 1] = values[i + 1] - offset[i] + (answer[i] - values[i] + offset[i]) * keep
-    return answer
+    if tau_s <= 0.0 or not len(values):
+        return np.array(values, dtype=np.float64)
+    course = np.ascontiguousarray(values, dtype=np.float64)
+    return np.asarray(_lag(course, time_s, tau_s, course[0] if start is None else start))
+
+
+@njit(cache=True, nogil=True)
+def _lag(x, time_s, tau_s, start):  # type: ignore[no-untyped-def]
+    s = np.empty(len(x))
+    s[0] = start
+    for k in range(1, len(x)):
+        r = (time_s[k] - time_s[k - 1]) / tau_s
+        e = np.exp(-r)
+        m = (1.0 - e) / r if r > 1e-9 else 1.0
+        s[k] = e * s[k - 1] + (m - e) * x[k - 1] + (1.0 - m) * x[k]
+    return s
 
 
 def read_out(values: Vector, *, noise: float, resolution: float, seed: int, channel: str) -> Vector:
