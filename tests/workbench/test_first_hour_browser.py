@@ -73,7 +73,7 @@ def page(browser, bench, tmp_path):
 
 def reach(page, name: str) -> None:
     """Goes on with Tab until the focus is at the element with this id."""
-    for _ in range(200):
+    for _ in range(400):
         if page.evaluate("document.activeElement.id") == name:
             return
         page.keyboard.press("Tab")
