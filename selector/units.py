@@ -35,7 +35,6 @@ CANONICAL_UNITS: dict[str, str] = {
 
 ROLES: tuple[str, ...] = tuple(CANONICAL_UNITS)
 
-
 #: Spelling → unit as pint calls it; nothing at all is a number without a unit.
 _SPELLINGS = {"": "1"} | {
     spelled: unit

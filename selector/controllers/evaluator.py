@@ -15,7 +15,6 @@ from selector.types import Array
 
 BLOCK_SAMPLES = 8192  #: Samples worked on at a time: the values of 37 inputs stay in the processor's cache.
 
-
 Equations = ModelFile | Fallback
 
 

@@ -21,7 +21,6 @@ LARGEST_COLLECTION = 10_000
 LARGEST_DOCUMENT = 500_000
 SHOWN_CHARACTERS = 80
 
-
 #: Kind of a problem that pydantic found → what was expected, in words of JSON.
 JSON_KINDS = {
     "model_type": "an object",

@@ -20,7 +20,6 @@ KINDS = {"run": "runs", "condition": "conditions", "block": "stretches"}
 _BARS = (("without compensation, rms", style.BEFORE, -0.38), ("with the model, rms", style.PREDICTED, 0.0))
 _ROOM_PX, _RUN_PX, _LEAST_PX = 150, 34, 120
 
-
 #: Errors of every run [µm]; of a set that was fixed before, the largest ones are not known.
 RunErrors = Sequence[RunProof | HeldOutPart]
 

@@ -19,7 +19,6 @@ _LARGEST_SEED = 2**53
 #: Representatives that a search over products is made of; more are first thinned by the linear search.
 MAX_CANDIDATES = 12
 
-
 Kind = Literal["closure", "cmeans"]
 
 

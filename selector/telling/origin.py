@@ -176,7 +176,6 @@ _OF_CHANNELS: Mapping[str, tuple[str, Callable[[Any], str]]] = {
     "guessed": ("guessed", lambda value: _cell(value) if value else "nothing"),
 }  # fmt: skip
 
-
 _TELLING_KEYS = ("machine", "name", "note", "origin", "source", "kind", "label", "comment", "title", "description")
 
 

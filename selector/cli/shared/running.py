@@ -147,7 +147,6 @@ EXTRAS = {
     "prove": "joblib sklearn",
 }
 
-
 _REFUSED = "Input should be "  #: How pydantic begins to say what a value has to be.
 
 

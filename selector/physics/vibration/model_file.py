@@ -40,7 +40,6 @@ Rpm = Annotated[float, limited(0, 1e6)]
 Corner = tuple[Annotated[float, limited(0, 1e6)], Rpm]
 _NUMBER, _CORNERS = choice_tag("number"), choice_tag("corners")
 
-
 #: A speed that stays, or the corners of a course that is straight between them.
 Speed = Annotated[
     Annotated[Rpm, Tag(_NUMBER)] | Annotated[tuple[Corner, ...], Field(min_length=2, max_length=10_000), Tag(_CORNERS)],

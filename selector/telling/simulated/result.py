@@ -62,7 +62,6 @@ _FIRST = (("position", "table"), ("error",), ("total", "output"), ("force",))  #
 _CHANNEL_UNITS = {"um": "µm", "urad": "µrad", "degC": "°C", "rpm": "r/min", "1": ""}
 _EQUAL = 1e-9  #: Difference, as a share of what was recorded, below which it is rounding.
 
-
 Drawings = Mapping[str, Sequence[Block]]  #: Section of an account → its drawings; empty unless a page is made.
 Origins = tuple[tuple[str, float, str, str], ...]  #: (name, value, unit, where it is from) of every number of a model.
 

@@ -8,29 +8,35 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, told, with_place
-from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, switched_on, temperature_rise
+from selector.diagnosis.shapes.heating import EARLIER, lacking, sources, switched_on, temperature_rise, warm_starts
 from selector.diagnosis.shapes.signals import course, excited, in_run, scaled, time_constants
 
-_MOST_SENSORS = 8
-_MOST_LEVELS = 8
+_MOST_SENSORS = _MOST_LEVELS = 8
 _COLDER = (-np.inf, 0.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     known = sources(comparison, response)
-    taus = time_constants(comparison, 8)
+    taus, apart = time_constants(comparison, 8), warm_starts(comparison, response)
     # what warms a part when it is switched on is coolant only if somebody says so
     cools = not known.is_coolant_said and comparison.channel(response).role == "temperature"
     for name in known.coolant_switches:
         on = switched_on(comparison, name)
         levels = _levels(comparison, name) if not known.coolant_temperatures else []
-        warmth = scaled(simulated_rise(comparison, response))
+        simulated = comparison.simulated_course(response)
+        starts = [float(simulated[rows][0]) for _, rows in comparison.rows_of_runs()]
+        # cold is the start that the course goes farthest from: a run may begin warm
+        warmth = scaled(simulated - max(starts, key=lambda one: float(np.mean((simulated - one) ** 2))))
         drawn = f"{name} × simulated {response}", on * warmth
         for tau_s in taus:
             shapes = [[(name, on)], *([[drawn], [(name, on), drawn]] if excited(warmth) else [])]
             for heats in shapes:
                 shape = _variant(comparison, name, heats, tau_s)
                 yield replace(shape, bounds=(_COLDER,) * len(heats)) if cools else shape
+            if np.any(apart) and not cools:
+                late_heats = [(*heat, tau_s) for heat in shapes[-1]]
+                left = EARLIER, apart * np.exp(-comparison.time_s / tau_s), 0.0
+                yield late(comparison, name, [*late_heats, left], taus_s=(tau_s,), regime=f"{name} on")
         for tau_s in taus[1::2] if levels and excited(warmth) else ():
             yield _variant(comparison, name, [(name, on), drawn, *levels], tau_s)
         for fluid in known.coolant_temperatures:

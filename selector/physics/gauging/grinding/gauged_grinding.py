@@ -41,7 +41,6 @@ from selector.types import Vector
 
 _CREST_ROUNDS = 3  #: Peaks change with the allowance by less than a hundredth of what the voltage does.
 
-
 #: Fewer values than these are taken for independent ones: their batches would say less than that.
 LEAST_BATCHED = 200
 
