@@ -8,7 +8,15 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from selector.errors import StudyError
-from selector.fleet.places import found_by, is_pattern, is_url, last_part, may_hold_recordings, results_at
+from selector.fleet.places import (
+    found_by,
+    is_pattern,
+    is_url,
+    last_part,
+    may_hold_recordings,
+    results_at,
+    without_password,
+)
 from selector.study.asked import options_of
 from selector.study.inputs import path_at
 from selector.study.study_file import (
@@ -103,7 +111,9 @@ def _machines(said: FleetFile, place: Path) -> Iterator[tuple[str, MachineSectio
             own = _at(said.results, place).rstrip("/")
             found = [one for one in found_by(found[0]) if may_hold_recordings(one) and one.rstrip("/") != own]
         if not found:
-            raise _unusable(f"nothing that {pattern!r} fits", f"{place}, key folders", "correct the pattern")
+            raise _unusable(
+                f"nothing that {without_password(pattern)!r} fits", f"{place}, key folders", "correct the pattern"
+            )
         yield from ((last_part(one) or one, MachineSection(runs=(one,))) for one in found)
     yield from said.machines.items()
 

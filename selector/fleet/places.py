@@ -67,7 +67,10 @@ def local_paths(references: Sequence[str], folder: Path) -> list[Path]:
         found = found_by(reference) if is_pattern(reference) else [reference]
         if not found:
             raise ReadError(
-                "nothing that this pattern fits", expected="a recording", where=reference, advice="correct the pattern"
+                "nothing that this pattern fits",
+                expected="a recording",
+                where=without_password(reference),
+                advice="correct the pattern",
             )
         for inner, one in enumerate(found):
             paths.append(_brought(one, folder / f"{number}-{inner}") if is_url(one) else Path(one))
@@ -111,7 +114,7 @@ class UrlPath:
         return UrlPath(f"{self._url.rstrip('/')}/{name}")
 
     def __str__(self) -> str:
-        return _without_password(self._url)
+        return without_password(self._url)
 
     def is_file(self) -> bool:
         """Whether there is such a file; fsspec's own answer is no where a server does not answer."""
@@ -162,8 +165,9 @@ def results_at(reference: str, folder: Path) -> Path:
     return behind if is_url(reference) else path_at(reference, folder)
 
 
-def _without_password(url: str) -> str:
-    return re.sub(r"(?<=://)[^/@]*@", "…@", url)
+def without_password(url: str) -> str:
+    """The URL as it may be shown: without account, password and signature."""
+    return re.sub(r"\?[^/]*=.*", "?…", re.sub(r"(?<=://).*@", "…@", url))
 
 
 @contextmanager
@@ -175,9 +179,9 @@ def _answering(url: str, kind: type[InputError] = ReadError) -> Iterator[None]:
         raise
     except Exception as error:  # each kind of server has errors of its own
         raise kind(
-            _without_password(f"a URL that cannot be used ({type(error).__name__}: {error})"),
+            without_password(f"a URL that cannot be used ({type(error).__name__}: {error})"),
             expected="recordings" if kind is ReadError else "a place where results can be kept",
-            where=_without_password(url),
+            where=without_password(url),
             advice="check the URL and the rights; fsspec takes accounts from its configuration and the environment",
         ) from error
 
@@ -192,7 +196,7 @@ def _reached(url: str) -> tuple[Any, str]:
         raise OptionError(
             f"a URL that needs another package ({error})",
             expected="the extra `fleet`, and what fsspec needs for this kind of URL: s3fs for s3://, smbprotocol for smb://",
-            where=_without_password(url),
+            where=without_password(url),
             advice='run `pip install ".[fleet]"` in the folder of selector, and install that package; or name folders',
         ) from error
     system.invalidate_cache()  # a worker may live for weeks, and others write there, too

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from selector.errors import RecordingError
 from selector.findings import Finding
-from selector.quality.bridging import filled
 from selector.recording import Channel, Recording, RunSource
 
 WINDOWS = "windows_s"  #: Key in the evidence of a finding that speaks of several stretches: a list of (from_s, to_s).
@@ -89,10 +88,10 @@ def without_faults(recording: Recording, findings: Iterable[Finding]) -> Recordi
 
 
 class StreamWithoutFaults:
-    """A source without what the findings leave out, see `without_faults`, and with `lost` readings as `bridged` has."""
+    """A source with exactly that left out which the findings name in their action, see `without_faults`."""
 
-    def __init__(self, source: RunSource, findings: Iterable[Finding], lost: Iterable[Finding] = ()) -> None:
-        self._source, self._bridged = source, {finding.where.channel for finding in lost}
+    def __init__(self, source: RunSource, findings: Iterable[Finding]) -> None:
+        self._source = source
         self._findings: Sequence[Finding] = [finding for finding in findings if finding.action != "none"]
         gone = {f.where.run for f in self._findings if f.action == "leave-out-run"}
         self.runs: tuple[str, ...] = tuple(run for run in source.runs if run not in gone)
@@ -103,10 +102,8 @@ class StreamWithoutFaults:
         wanted = list(names)
         here = [f for f in self._findings if f.where.run in (None, run) and f.where.channel in (None, *wanted)]
         for time_s, values in self._source.chunks(run, wanted):
-            cleaned = values.copy()
+            cleaned = values.copy() if here else values
             for finding in here:
                 columns = np.array([finding.where.channel in (None, name) for name in wanted])
                 cleaned[np.ix_(left_out_rows(finding, time_s), columns)] = np.nan
-            for k in (k for k, name in enumerate(wanted) if name in self._bridged):
-                cleaned[:, k] = filled(time_s, cleaned[:, k])
             yield time_s, cleaned

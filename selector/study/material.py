@@ -44,7 +44,7 @@ def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Over
     reading = read(runs, machine=machine_file, overrides=overrides)
     faults = inspect(reading.recording)
     copies = tuple(file_copies(reading.origins))
-    recording, lost = bridged(without_faults(reading.recording, (*faults, *copies)))
+    recording, lost = bridged(without_faults(reading.recording, (*faults, *copies)), reading.recording)
     return Material(
         recording,
         without_folders((*reading.findings, *copies, *faults, *lost)),
@@ -97,12 +97,11 @@ def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overri
     stream = stream_parquet(runs, named, overrides)
     rows = sum(stream.rows(run) for run in stream.runs)
     stride = max(1, -(-rows // INSPECTED_ROWS))
-    inspected = thinned(stream, stride)
-    faults = inspect(inspected)
-    lost = bridged(without_faults(inspected, faults))[1]
+    faults = inspect(thinned(stream, stride))
     found = FINDINGS.finding(
         "read-in-pieces",
-        f"The recordings hold {rows} rows and were read in pieces; faults were looked for in every {stride}th row.",
+        f"The recordings hold {rows} rows and were read in pieces; faults were looked for in every {stride}th row, and "
+        "lost readings stay lost.",
         Where(),
         {"rows": rows, "stride": stride},
     )
@@ -114,8 +113,8 @@ def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overri
         },
     }
     return Material(
-        StreamWithoutFaults(stream, faults, lost),
-        without_folders((*stream.findings, found, *faults, *lost)),
+        StreamWithoutFaults(stream, faults),
+        without_folders((*stream.findings, found, *faults)),
         provenance,
         None,
         tuple((str(entry["file"]), entry["sha256"]) for entry in stream.provenance["runs"].values()),

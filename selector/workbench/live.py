@@ -174,7 +174,9 @@ class Live:
 
 def _explored(reading: Reading, options: Options, faults: Sequence[Finding]) -> Exploration:
     copies = tuple(file_copies(reading.origins))
-    found = Exploration.of(bridged(without_faults(reading.recording, (*faults, *copies)))[0], options)
+    found = Exploration.of(
+        bridged(without_faults(reading.recording, (*faults, *copies)), reading.recording)[0], options
+    )
     # the first search loads its compiled kernels
     found.cut(found.grouping.chosen.level)
     return found

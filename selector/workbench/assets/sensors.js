@@ -13,13 +13,15 @@
     return element;
   }
 
-  // ---- asking: one request at a time, and of what was asked meanwhile only the last
+  // ---- asking: one request at a time, and of what was asked meanwhile only the last of each kind
   let isAsking = false;
-  let waits = null;
+  const waits = new Map();
 
   async function ask(what) {
     if (isAsking) {
-      waits = what;
+      const kind = Object.keys(what).join();
+      waits.delete(kind);
+      waits.set(kind, what);
       return;
     }
     isAsking = true;
@@ -35,10 +37,10 @@
       window.dash_clientside.set_props("notice", { children: "No answer; is the workbench still running?" });
     } finally {
       isAsking = false;
-      if (waits) {
-        const next = waits;
-        waits = null;
+      for (const [kind, next] of waits) {
+        waits.delete(kind);
         ask(next);
+        break;
       }
     }
   }
@@ -118,7 +120,7 @@
     if (!asked || !("step" in asked)) slider.value = told.step;
     slider.setAttribute("aria-valuetext", `λ = ${told.level}`);
     // a λ that was typed stays until it, or what was done after it, is answered
-    if (!isTyping && (typed === null || (asked && !(waits && "level" in waits)))) {
+    if (!isTyping && (typed === null || (asked && !(waits.has("level"))))) {
       level.value = told.level;
       keep(null);
     }
