@@ -19,7 +19,7 @@ def bridged(recording: Recording, raw: Recording) -> tuple[Recording, tuple[Find
     none either: what was left out stays out. Longer gaps, gaps at the ends of a run (its start is the zero of a rise),
     and sensors that lose more than a tenth of their readings so stay as they are. O(samples).
     """
-    frame, findings = recording.frame.copy(), []
+    frame, findings = recording.frame.copy(deep=False), []
     for name in recording.with_role(*SENSOR_ROLES):
         runs = {run: (recording.values(run, [name])[:, 0], raw.values(run, [name])[:, 0]) for run in recording.runs}
         filled = {run: _filled(recording.time_s(run), now, np.isnan(first)) for run, (now, first) in runs.items()}

@@ -28,6 +28,7 @@ def test_up_to_two_in_a_row_are_bridged_within_the_curve():
     found, told = bridged(given, given)
     assert found.values("b", ["T1"])[:, 0] == pytest.approx(WARMING, abs=2e-3)
     assert [(one.id, one.where.channel) for one in told] == [("readings-lost", "T1")]
+    assert np.isnan(given.values("b", ["T1"])[[10, 40, 41, 80], 0]).all()  # what was given is not changed
     assert told[0].evidence["share"] == pytest.approx(4 / 120)
 
 
