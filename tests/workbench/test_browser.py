@@ -6,6 +6,7 @@ import contextlib
 import http.server
 import json
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -225,6 +226,29 @@ def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, benc
     command = " ".join(bench.jobs.all[0].command)
     assert "--max-sensors 2" in command
     assert "--target 3.0 " in command
+
+
+def test_what_was_typed_last_counts_also_where_the_server_is_slow_with_what_was_typed_before(page, bench, monkeypatch):
+    bench.add(PATENT / "recording.csv")
+    page.locator("#to-selection").click()
+    choose, takes = bench.choose, []
+
+    def slowly(**changes):
+        takes.append(changes["level"])
+        if len(takes) == 1:
+            time.sleep(2.0)
+        return choose(**changes)
+
+    monkeypatch.setattr(bench, "choose", slowly)
+    for name, text in (("max_sensors", "4"), ("level", "0.97")):
+        box = page.locator(f"#selection-{name}")
+        box.fill(text)
+        box.press("Enter")
+    page.get_by_text("--lambda 0.97 ").wait_for()
+    page.wait_for_timeout(1_000)
+    assert takes[:2] == [None, 0.97]
+    assert (bench.options.level, bench.options.max_sensors) == (0.97, 4)
+    assert page.locator("#selection-level").input_value() == "0.97"
 
 
 def test_a_wrong_file_says_why_and_the_others_stay_and_one_that_is_dropped_joins_them(page, bench, study, tmp_path):

@@ -30,6 +30,20 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
   },
 });
 
+// Of one callback, a request goes when the one before is answered: a busy server may take them the other way round, and
+// what a field held before would count again
+(() => {
+  const send = window.fetch;
+  const last = new Map();
+  window.fetch = (address, options) => {
+    if (!String(address).includes("_dash-update-component")) return send(address, options);
+    const callback = JSON.parse(options.body).output;
+    const answer = (last.get(callback) || Promise.resolve()).then(() => send(address, options));
+    last.set(callback, answer.catch(() => null));
+    return answer;
+  };
+})();
+
 (() => {
   // the server looks at the bench at once, instead of after the next beat
   const look = () => window.dash_clientside.set_props("look", { data: Date.now() });
