@@ -36,7 +36,7 @@ def describe(
     clock that was guessed stands in it as a comment only, so that every command says so until you do. Cables that
     changed places and units of single runs that the findings prove stand in it as repairs of these runs.
     """
-    from selector.quality import file_copies, inspect, without_faults
+    from selector.quality import usable
     from selector.readers import guessed_clock, machine_of, write_machine_file
     from selector.readers.roles.repairs import proposed
     from selector.study.material import drift_of
@@ -48,11 +48,9 @@ def describe(
         progress("reading", None)
         reading = source.reading()
         progress("looking for faults", None)
-        copies = file_copies(reading.origins)
-        faults = (*inspect(reading.recording), *copies)
+        clean, faults = usable(reading.recording, reading.origins)
     findings = (*reading.findings, *faults)
-    drift = drift_of(without_faults(reading.recording, faults))
-    description: dict[str, Any] = {**reading.description(), "drift": drift, "findings": findings}
+    description: dict[str, Any] = {**reading.description(), "drift": drift_of(clean), "findings": findings}
     if write is not None:
         refuse_to_replace_input(write, [file for file, _ in reading.files], "--write")
         written = machine_of(reading)

@@ -5,7 +5,7 @@ a frozen stretch is not reported again as a step. Nothing is dropped in silence:
 what the findings name.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units
 from selector.recording import Recording
 
-__all__ = ["StreamWithoutFaults", "bridged", "file_copies", "inspect", "stretches", "without_faults"]
+__all__ = ["StreamWithoutFaults", "bridged", "file_copies", "inspect", "stretches", "usable", "without_faults"]
 
 Check = Callable[[Survey], Iterator[Finding]]
 
@@ -60,6 +60,16 @@ _CHECKS: tuple[Check, ...] = (
     starts,
     late_gauges,
 )
+
+
+def usable(recording: Recording, origins: Mapping[str, tuple[str, str]]) -> tuple[Recording, tuple[Finding, ...]]:
+    """What a study uses of a recording, lost readings filled in; and all that is wrong with it, and with its files.
+
+    `origins` as in `file_copies`. Raises RecordingError if nothing would be left.
+    """
+    faults = (*file_copies(origins), *inspect(recording))
+    used, lost = bridged(without_faults(recording, faults), recording)
+    return used, (*faults, *lost)
 
 
 def inspect(recording: Recording, channels: Iterable[str] | None = None) -> tuple[Finding, ...]:

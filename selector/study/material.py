@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from selector.findings import Finding, Where
-from selector.quality import StreamWithoutFaults, bridged, file_copies, inspect, without_faults
+from selector.quality import StreamWithoutFaults, inspect, usable
 from selector.readers import Overrides, Reading, is_large, machine, read, stream_parquet
 from selector.readers.files import recording_files
 from selector.readers.finding_table import FILES_SKIPPED, FINDINGS
@@ -42,12 +42,10 @@ def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Over
     if is_large(runs) and overrides.mean_s is None and not overrides.has_window:
         return _streamed(runs, machine_file, overrides)
     reading = read(runs, machine=machine_file, overrides=overrides)
-    faults = inspect(reading.recording)
-    copies = tuple(file_copies(reading.origins))
-    recording, lost = bridged(without_faults(reading.recording, (*faults, *copies)), reading.recording)
+    recording, faults = usable(reading.recording, reading.origins)
     return Material(
         recording,
-        without_folders((*reading.findings, *copies, *faults, *lost)),
+        without_folders((*reading.findings, *faults)),
         provenance_of(reading),
         {**reading.description(), "drift": drift_of(recording)},
         reading.files,

@@ -8,11 +8,12 @@ from typing import Generic, TypeVar
 from selector.errors import InputError
 from selector.findings import Finding
 from selector.models.least_squares import FaultGain
-from selector.quality import bridged, file_copies, without_faults
-from selector.readers import Reading
+from selector.quality import bridged, without_faults
+from selector.recording import Recording
 from selector.selection import Exploration, Options
 from selector.selection.exploration import Cut, FixedSet, plain_level
 from selector.workbench.access import defect
+from selector.workbench.readable import Material
 
 _Made = TypeVar("_Made")
 
@@ -111,21 +112,17 @@ class Live:
         self._response: str | None = None
         self._looks = 0
 
-    def exploration(
-        self, number: int, reading: Reading | None, options: Options, faults: Sequence[Finding] = ()
-    ) -> Exploration | None:
+    def exploration(self, material: Material, options: Options) -> Exploration | None:
         """The exploration of these recordings with these wishes; None: it is being made, or there is nothing to read.
-
-        Each reading has another `number`; `faults` are left out.
 
         Raises InputError: the recordings cannot be explored, or the wishes cannot be had.
         """
-        if reading is None:
+        if (reading := material.reading) is None:
             return None
         similarity = (options.reference, options.absolute_similarity, tuple(options.conditions.items()))
         plain = replace(options, must=(), never=(), cost={})
-        asked = (number, options.responses, *similarity)
-        made = self._latest.of(asked, lambda: _explored(reading, plain, faults))
+        asked = (material.number, options.responses, *similarity)
+        made = self._latest.of(asked, lambda: _explored(reading.recording, plain, material.findings))
         if made is None:
             return None
         with self._lock:
@@ -172,11 +169,8 @@ class Live:
                 self._response = response
 
 
-def _explored(reading: Reading, options: Options, faults: Sequence[Finding]) -> Exploration:
-    copies = tuple(file_copies(reading.origins))
-    found = Exploration.of(
-        bridged(without_faults(reading.recording, (*faults, *copies)), reading.recording)[0], options
-    )
+def _explored(raw: Recording, options: Options, faults: Sequence[Finding]) -> Exploration:
+    found = Exploration.of(bridged(without_faults(raw, faults), raw)[0], options)
     # the first search loads its compiled kernels
     found.cut(found.grouping.chosen.level)
     return found

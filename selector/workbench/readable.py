@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from selector.errors import InputError, OptionError
+from selector.errors import InputError, OptionError, RecordingError
 from selector.findings import Finding
-from selector.quality import inspect
+from selector.quality import inspect, usable
 from selector.readers import (
     Machine,
     Overrides,
@@ -71,7 +71,11 @@ def inspected(
 ) -> tuple[Reading, tuple[Finding, ...]]:
     """What these recordings hold together, and what is found in it. Raises InputError: they cannot be read."""
     reading = read(paths, machine=machine, overrides=overrides)
-    return reading, (*reading.findings, *inspect(reading.recording))
+    try:
+        _, faults = usable(reading.recording, reading.origins)
+    except RecordingError:  # of nothing that could be used, what is wrong is shown all the same
+        faults = inspect(reading.recording)
+    return reading, (*reading.findings, *faults)
 
 
 def _read_together(paths: Sequence[Path], machine: Path | None, overrides: Overrides) -> Material:

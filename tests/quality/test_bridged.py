@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selector.quality import bridged
+from selector.quality import bridged, usable
 from selector.recording import Channel, Recording
 
 MINUTES = np.arange(120) * 60.0
@@ -59,3 +59,15 @@ def test_what_was_left_out_stays_out_and_an_outage_keeps_no_single_reading_from_
     found = bridged(left_out, given)[0].values("a", ["T1"])[:, 0]
     assert np.isfinite(found[[10, 30]]).all()
     assert np.isnan(found[[20, *range(60, 90)]]).all()
+
+
+def test_what_a_study_uses_is_bridged_without_what_was_left_out_and_all_of_it_is_told():
+    given = recording({"T1": [10, 30], "T2": [40]})
+    used, told = usable(given, {"a": ("a.csv", "f"), "b": ("b.csv", "f")})
+    assert used.runs == ("a",)
+    assert np.isfinite(used.values("a", ["T1", "T2"])).all()
+    assert {(one.id, one.where.run or one.where.channel) for one in told} >= {
+        ("same-file-twice", "b"),
+        ("readings-lost", "T1"),
+        ("readings-lost", "T2"),
+    }

@@ -41,6 +41,21 @@ def test_recordings_are_read(bench):
     )  # fmt: skip
 
 
+def test_lost_readings_are_told_and_what_is_wrong_where_nothing_can_be_used(tmp_path):
+    time_s = range(0, 6000, 60)
+    rise = [f"{20.0 + (t // 60) ** 0.5:.2f}" for t in time_s]
+    for name, lost in (("one", 30), ("two", 50)):
+        rows = [f"{t},{'' if t == 60 * lost else w},{w}" for t, w in zip(time_s, rise, strict=True)]
+        (tmp_path / f"{name}.csv").write_text("Time [s],T1 [degC],Z [um]\n" + "\n".join(rows) + "\n")
+    bench = Bench(tmp_path, [tmp_path / "one.csv", tmp_path / "two.csv"])
+    bench.read()
+    assert "readings-lost" in {one.id for one in settled(bench).material.findings}
+    bench.use([tmp_path / "one.csv"])
+    (tmp_path / "one.csv").write_text("Time [s],T1 [degC],Z [um]\n0,20,0\n60,21,1\n")
+    bench.read()
+    assert "short-run" in {one.id for one in settled(bench).material.findings}
+
+
 @pytest.mark.parametrize(
     "content", [b"", b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 9, b"hello\nworld\n"], ids=["empty", "binary", "text"]
 )

@@ -50,11 +50,10 @@ def client(bench):
 
 
 def ready(bench) -> Exploration:
-    material = bench.material
     found = []
 
     def is_there() -> bool:
-        found[:] = [bench.live.exploration(material.number, material.reading, bench.options, material.findings)]
+        found[:] = [bench.live.exploration(bench.material, bench.options)]
         return found[0] is not None
 
     wait_for(is_there)

@@ -220,8 +220,7 @@ def _told(bench: Bench, view: View) -> dict[str, Any]:
 
 
 def _view(bench: Bench) -> View | None:
-    material = bench.material
-    found = bench.live.exploration(material.number, material.reading, bench.options, material.findings)
+    found = bench.live.exploration(bench.material, bench.options)
     return None if found is None else bench.live.view(found, bench.options)
 
 
