@@ -93,6 +93,11 @@ def test_from_an_example_to_a_program_by_keyboard_alone(page, bench):
     page.get_by_role("button", name="Simulated: a machining centre").focus()
     page.keyboard.press("Enter")
     page.get_by_text("The first lines of the file").wait_for()
+    # the fields of 39 channels are gone past with one key
+    past = page.get_by_role("button", name="Go past the channels")
+    past.focus()
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.id") == "recordings-correct"
     reach(page, "to-sensors")
     page.keyboard.press("Enter")
     page.locator("#sensors-facts dd").first.wait_for()

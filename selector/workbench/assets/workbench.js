@@ -94,6 +94,9 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
         setTimeout(() => { copies.textContent = "Copy"; }, 1500);
       });
     }
+    // past the fields of a long table, with the keyboard
+    const skips = event.target.closest("[data-skips]");
+    if (skips) document.getElementById(skips.dataset.skips).focus();
     const chooses = event.target.closest("[data-chooses]");
     if (chooses) {
       const input = document.createElement("input");

@@ -78,7 +78,9 @@ def layout(bench: Bench) -> Component:
     )
     correct = html.Button("Use these corrections", id=f"{ID}-correct", className="main")
     run = parts.field("Run", parts.choice(f"{ID}-run", [], None))
+    skip = html.Button("Go past the channels", className="skip", **parts.marks(data_skips=f"{ID}-correct"))
     read = [
+        skip,
         html.Div(id=f"{ID}-channels"),
         html.Div([correct, html.Span(id=f"{ID}-corrected", className="about", role="status")], className="row"),
         parts.section("What was recorded", run, html.Div(id=f"{ID}-courses")),
