@@ -267,13 +267,13 @@ def test_recordings_are_compared_with_the_machine_of_the_page_simulate(page, ben
     table = page.locator("#diagnosis-files table")
     table.get_by_text("the mesh of the model").wait_for()
     table.get_by_text("a model, run by the diagnosis").wait_for()
-    api.expect(page.locator("#command")).to_contain_text("--model simulation/c-frame.toml")
+    api.expect(page.locator("#command")).to_contain_text("--model simulation/c-frame.toml", timeout=PATIENCE_MS)
     taken = simulation._parameters(dataclasses.replace(bench.simulation, model=str(bench.simulated[1])))
     assert [path.name for path in bench.simulated] == ["c-frame.msh", "c-frame.toml"]
     assert taken[name].value == pytest.approx(value, rel=1e-9)  # nine digits are shown
     for left in (1, 0):
         page.get_by_role("button", name="Remove").first.click()
-        api.expect(page.get_by_role("button", name="Remove")).to_have_count(left)
+        api.expect(page.get_by_role("button", name="Remove")).to_have_count(left, timeout=PATIENCE_MS)
     assert bench.simulated == ()
 
 

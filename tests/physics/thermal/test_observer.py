@@ -76,6 +76,15 @@ def test_a_plan_that_goes_on_later_is_told_from_one_by_the_clock_and_foreseen():
     assert np.abs(seen.displacement_um[ahead, 0] - true).max() < 0.3
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_plan_is_not_said_to_go_on_later_before_that_makes_a_difference(seed):
+    # after the stop one speed follows until the readings end: by the clock and later are the same so far, but for
+    # rounding, which is another on every processor
+    readings, _ = day([Stop(900.0, 2400.0, True)], until_s=3500.0, seed=seed)
+    (found,) = followed(readings).stops
+    assert not found.delays
+
+
 def test_where_nothing_happened_nothing_is_found():
     for seed in range(3):
         readings, true = day(seed=seed)

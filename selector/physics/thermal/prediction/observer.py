@@ -23,6 +23,7 @@ STEP_S, MOST_STEPS = 60.0, 600  #: Readings are means over so long, and over lon
 MOST_PLACES = 12  #: Moments between two readings, one a step, at which a stop may begin or end.
 #: Courses whose logarithm of the likelihood is further below the best are given up, and do not branch.
 GIVEN_UP, BRANCHES = 10.0, 4.0
+_TIED = 1e-6  #: Courses closer than that in it differ by rounding only: they are the same up to the last reading.
 MOST_PATHS = 120
 _MOST_BRANCHING = 12
 #: Mean square of what readings differ from the likeliest course, in units of what is expected, that is no chance.
@@ -199,7 +200,7 @@ def observed(
         for at_s, speed in zip(moments_s.tolist(), planned.tolist(), strict=True):
             if one.stands:
                 *before, stop = stops
-                for delays in (True, False) if speed > 0 else (True,):
+                for delays in (False, True) if speed > 0 else (True,):
                     ended = (*before, replace(stop, to_s=max(at_s, stop.from_s), delays=delays))
                     found.append(path(ended, one, each_s / STOP_LASTS_S / 2.0, each_s))
             elif (one.cyclogram.speed_at(at_s + _AHEAD_S) > 0).all():
@@ -223,7 +224,9 @@ def observed(
         paths.sort(key=lambda one: -one.log_weight)
         paths = [one for one in paths[:MOST_PATHS] if one.log_weight > paths[0].log_weight - GIVEN_UP]
         followed[i] = _mean(paths, [one.at(i) for one in paths])
-    likeliest, stops = paths[0], paths[0].settled
+    tied = [one for one in paths if one.log_weight > paths[0].log_weight - _TIED]
+    likeliest = min(tied, key=lambda one: sum(stop.delays for stop in one.stops))
+    stops = likeliest.settled
     end_s = plan.end_s + sum(stop.to_s - stop.from_s for stop in stops if stop.to_s and stop.delays)
     ahead_s = np.arange(last_s + STEP_S, end_s + STEP_S - 1e-6, STEP_S).clip(max=end_s)
     ahead = course(as_run(plan, stops, end_s + STEP_S), ahead_s)
