@@ -28,6 +28,8 @@ ANSWERED = """async (asked) => {
 }"""
 HAS_PLACE = "(text) => [...document.querySelectorAll('#sensors-wishes .place input')].some((one) => one.value === text)"
 VALUES = "([name, trace]) => Array.from(document.querySelector(`#sensors-${name} .js-plotly-plot`).data[trace].x)"
+TOLD = """fetch("/sensors/move", {method: "POST", headers: {"Content-Type": "application/json"}, body: "{}"})
+  .then((answer) => answer.json())"""
 N_SHOWN = "document.querySelector('#sensors-facts dd').textContent.split(',').length"
 
 
@@ -116,6 +118,23 @@ def test_the_keyboard_moves_groups_errors_and_command_together(page, bench):
     page.locator("#sensors-level").press("Enter")
     page.get_by_text("--lambda 0.95 ").wait_for()
     page.get_by_text("of linear models without memory").wait_for()
+
+
+@pytest.mark.parametrize("dial", ["slider", "count"])
+def test_a_dial_stands_where_it_was_moved_to_though_the_page_was_drawn_anew_meanwhile(page, dial):
+    told = page.evaluate(TOLD)
+    held = []
+    page.route("**/sensors/move", lambda route: held.append(route))
+    page.locator(f"#sensors-{dial}").focus()
+    with page.expect_request("**/sensors/move"):
+        page.keyboard.press("Home")
+    # with what was before the move, which the server has not answered yet
+    page.evaluate("(told) => window.dash_clientside.sensors.show(told)", told)
+    moved = page.locator(f"#sensors-{dial}")
+    lowest = moved.get_attribute("min")
+    assert moved.input_value() != lowest
+    held.pop().continue_()
+    api.expect(moved).to_have_value(lowest, timeout=PATIENCE_MS)
 
 
 def test_a_click_on_a_point_takes_its_set_and_typing_is_left_alone(page):

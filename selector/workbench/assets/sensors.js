@@ -111,13 +111,15 @@
     const { count, size, target, slider, level, response, back, facts } = builtBar();
     count.min = told.sizes[0];
     count.max = told.sizes[told.sizes.length - 1];
-    if (!asked || !("size" in asked)) count.value = told.size;
+    // the hand that drags may be further already; what it asked for is put back, since the page may have been drawn
+    // anew meanwhile, with what was before
+    const put = (dial, kind, now) => { if (!waits.has(kind)) dial.value = asked && kind in asked ? asked[kind] : now; };
+    put(count, "size", told.size);
     count.setAttribute("aria-valuetext", `${told.size} sensors`);
     size.value = told.size;
     if (document.activeElement !== target || (asked && "target" in asked)) target.value = told.target;
     slider.max = told.last;
-    // the hand that drags may be further already
-    if (!asked || !("step" in asked)) slider.value = told.step;
+    put(slider, "step", told.step);
     slider.setAttribute("aria-valuetext", `λ = ${told.level}`);
     // a λ that was typed stays until it, or what was done after it, is answered
     if (!isTyping && (typed === null || (asked && !(waits.has("level"))))) {
