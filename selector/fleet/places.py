@@ -133,10 +133,12 @@ class UrlPath:
         return io.BytesIO(self.read_bytes())
 
     def put_whole(self, content: bytes) -> None:
-        """Put a file there, of which others see all or nothing; folders that are missing are made."""
+        """Put a file there, of which others see all or nothing; missing folders are made, a bucket is not."""
         with _PUTTING, _answering(self._url, StorageError):
             system, path = _reached(self._url)
-            system.makedirs(path.rpartition("/")[0], exist_ok=True)
+            # a server of objects has no folders, and would take the first part of a mistyped URL for a bucket to be made
+            if path.startswith("/") or getattr(system, "local_file", False):
+                system.makedirs(path.rpartition("/")[0], exist_ok=True)
             # a server of folders writes elsewhere and renames; one of objects has nothing to add
             with system.transaction:
                 system.pipe_file(path, content)
@@ -182,7 +184,7 @@ def _answering(url: str, kind: type[InputError] = ReadError) -> Iterator[None]:
             without_password(f"a URL that cannot be used ({type(error).__name__}: {error})"),
             expected="recordings" if kind is ReadError else "a place where results can be kept",
             where=without_password(url),
-            advice="check the URL and the rights; fsspec takes accounts from its configuration and the environment",
+            advice="check the URL and the rights (buckets are not made); fsspec takes accounts from its configuration and the environment",
         ) from error
 
 

@@ -80,3 +80,14 @@ def test_it_goes_on_from_what_is_whole_in_s3(plant, run, capsys):
     bucket.invalidate_cache()
     named = {place.rpartition("/")[2] for place in bucket.find("plant/answers")}
     assert named == {"fleet.json", "watch.json", "fleet.html", "selection.json", "model.json", "done.json"}
+
+
+@pytest.mark.parametrize("command", ["run", "watch", "report"])
+def test_a_bucket_that_does_not_exist_is_told_and_not_made(plant, command, capsys):
+    path = fleet_file(plant[0], 'folders = ["m0"]\nresults = "s3://plnat/answers"\n')
+    assert exit_status(["fleet", command, str(path)]) == 2
+    told = capsys.readouterr().err
+    assert all(word in told for word in ("s3://plnat/answers", "Expected", "What to do"))
+    assert ("bucket does not exist" in told) != (command == "report")
+    assert "m0" not in told
+    assert not any("plnat" in name for name in plant[1].ls("", refresh=True))
