@@ -143,8 +143,8 @@ def told_of(error: Exception) -> str:
 def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answer:
     study = task.study
     with tempfile.TemporaryDirectory() as folder:
-        runs, machine = local_recordings(study.recordings, Path(folder))
-        found = recording_files(runs)
+        named, machine = local_recordings(study.recordings, Path(folder))
+        found = recording_files(runs := list(named))
         machine = machine or found.machine
         hashes = {file: sha256_of(file) for file in (*found.files, *([machine] if machine else []))}
         machine_sha256 = None if machine is None else hashes[machine]

@@ -5,7 +5,7 @@ import glob
 import io
 import re
 import secrets
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Lock
@@ -57,12 +57,12 @@ def found_by(pattern: str) -> list[str]:
     return sorted(found, key=natural_key)
 
 
-def local_paths(references: Sequence[str], folder: Path) -> list[Path]:
-    """Files and folders on this computer; what URLs name is brought into `folder`.
+def local_paths(references: Sequence[str], folder: Path) -> dict[Path, str]:
+    """Files and folders on this computer → what they are named by; what URLs name is brought into `folder`.
 
     Raises ReadError: a pattern fits nothing, or a URL cannot be reached.
     """
-    paths: list[Path] = []
+    paths: dict[Path, str] = {}
     for number, reference in enumerate(references):
         found = found_by(reference) if is_pattern(reference) else [reference]
         if not found:
@@ -73,14 +73,20 @@ def local_paths(references: Sequence[str], folder: Path) -> list[Path]:
                 advice="correct the pattern",
             )
         for inner, one in enumerate(found):
-            paths.append(_brought(one, folder / f"{number}-{inner}") if is_url(one) else Path(one))
+            paths[_brought(one, folder / f"{number}-{inner}") if is_url(one) else Path(one)] = one
     return paths
 
 
-def local_recordings(recordings: Recordings, folder: Path) -> tuple[list[Path], Path | None]:
-    """What is named of recordings, and their machine file if one is named, here; errors as `local_paths`."""
+def local_recordings(recordings: Recordings, folder: Path) -> tuple[dict[Path, str], Path | None]:
+    """What is named of recordings, and their machine file if one is named, here; as `local_paths`."""
     named = [recordings.machine] if recordings.machine else []
     return local_paths(recordings.runs, folder / "runs"), next(iter(local_paths(named, folder / "machine")), None)
+
+
+def reference_of(file: Path, named: Mapping[Path, str]) -> str:
+    """How another process finds a file of what `local_paths` gave: one that was brought from a URL, by its URL."""
+    folder = named.get(file.parent, "")
+    return f"{folder.rstrip('/')}/{file.name}" if is_url(folder) else named.get(file, str(file))
 
 
 def _brought(url: str, folder: Path) -> Path:
@@ -88,9 +94,9 @@ def _brought(url: str, folder: Path) -> Path:
     with _answering(url):
         system, path = _reached(url)
         # the folder keeps its name, by which runs of one name are told apart
-        target = folder / path.rstrip("/").rpartition("/")[2]
+        target = folder.joinpath(*[part for part in path.split("/") if part and not part.endswith(":")][-2:])
         if not system.isdir(path):
-            folder.mkdir(parents=True)
+            target.parent.mkdir(parents=True)
             system.get_file(path, str(target))
             return target
         target.mkdir(parents=True)
@@ -136,7 +142,7 @@ class UrlPath:
         """Put a file there, of which others see all or nothing; missing folders are made, a bucket is not."""
         with _PUTTING, _answering(self._url, StorageError):
             system, path = _reached(self._url)
-            # a server of objects has no folders, and would take the first part of a mistyped URL for a bucket to be made
+            # a server of objects has no folders, and would make a bucket of a mistyped name
             if path.startswith("/") or getattr(system, "local_file", False):
                 system.makedirs(path.rpartition("/")[0], exist_ok=True)
             # a server of folders writes elsewhere and renames; one of objects has nothing to add
@@ -184,7 +190,7 @@ def _answering(url: str, kind: type[InputError] = ReadError) -> Iterator[None]:
             without_password(f"a URL that cannot be used ({type(error).__name__}: {error})"),
             expected="recordings" if kind is ReadError else "a place where results can be kept",
             where=without_password(url),
-            advice="check the URL and the rights (buckets are not made); fsspec takes accounts from its configuration and the environment",
+            advice="check URL, rights and bucket; fsspec takes accounts from its configuration and the environment",
         ) from error
 
 

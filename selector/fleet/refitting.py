@@ -2,9 +2,10 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from selector.errors import InputError, StorageError
 from selector.findings import Finding
 from selector.fleet.later_runs import by_age, part_of
 from selector.fleet.machine_study import Answer, Refit, done_of, question_of
-from selector.fleet.places import is_url, local_paths
+from selector.fleet.places import local_recordings, reference_of
 from selector.quality import inspect
 from selector.readers import Reading, read
 from selector.readers.files import recording_files
@@ -36,9 +37,9 @@ class Challenge:
 
     champion: Answer
     study: Study  #: Of the challenger
-    files: tuple[Path, ...]  #: All recordings
-    judged: Mapping[Path, str]  #: The newest, which neither model has seen, with their SHA-256
-    known: frozenset[Path]  #: Those of which the model in use was made
+    recordings: Recordings  #: All that are distinct
+    judged: frozenset[str]  #: SHA-256 of the newest, which neither model has seen
+    known: frozenset[str]  #: Of those of which the model in use was made
 
 
 def anew_because(study: Study, champion: Answer, results: Path) -> str | None:
@@ -67,27 +68,27 @@ def challenge_of(study: Study, champion: Answer, results: Path) -> Challenge | A
 
     Raises InputError: the recordings or the model cannot be read.
     """
-    if any(map(is_url, (*study.recordings.runs, study.recordings.machine or ""))):
-        return kept(champion, "recordings behind URLs are not refitted: bring them into a folder")
-    files = recording_files(local_paths(study.recordings.runs, Path()))
-    machine = files.machine if study.recordings.machine is None else Path(study.recordings.machine)
     learnt = set(_model(results, champion).provenance.data_sha256.values())
     seen = learnt | set(champion.judged)
     later: dict[str, Path] = {}
-    if any(sha256_of(file) not in seen for file in files.files):
-        ordered = by_age(read(files.files, machine=machine, overrides=overrides_of(study)), seen)
-        later = ordered.later
+    with TemporaryDirectory() as folder:
+        named, machine = local_recordings(study.recordings, Path(folder))
+        files = recording_files(list(named))
+        machine = machine or files.machine
+        if any(sha256_of(file) not in seen for file in files.files):
+            ordered = by_age(read(files.files, machine=machine, overrides=overrides_of(study)), seen)
+            later = ordered.later
     if len(later) <= FEWEST_JUDGED:
         came = f"{len(later)} recording{'s' * (len(later) != 1)} came after it"
         last = " was last compared" if champion.judged else ""
         return kept(champion, f"{came}{last}, and {FEWEST_JUDGED + 1} are needed")
     hashes = list(later)[-max(FEWEST_JUDGED, math.ceil(len(later) / 2)) :]
-    everything = ordered.earlier | later
-    before = [str(file) for sha256, file in everything.items() if sha256 not in hashes][-len(learnt) :]
-    recordings = Recordings(runs=tuple(before), machine=None if machine is None else str(machine))
-    known = frozenset(file for sha256, file in ordered.earlier.items() if sha256 in learnt)
-    judged = {later[sha256]: sha256 for sha256 in hashes}
-    return Challenge(champion, study.model_copy(update={"recordings": recordings}), files.files, judged, known)
+    everything = {sha256: reference_of(file, named) for sha256, file in (ordered.earlier | later).items()}
+    before = [file for sha256, file in everything.items() if sha256 not in hashes][-len(learnt) :]
+    said = study.recordings.machine or (machine and reference_of(machine, named))
+    recordings = Recordings(runs=tuple(everything.values()), machine=said)
+    asked = study.model_copy(update={"recordings": recordings.model_copy(update={"runs": tuple(before)})})
+    return Challenge(champion, asked, recordings, frozenset(hashes), frozenset(learnt & ordered.earlier.keys()))
 
 
 def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
@@ -95,15 +96,15 @@ def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
     champion = challenge.champion
     if challenger.status == "failed":
         return kept(champion, f"the new study failed: {challenger.error}")
-    study = challenge.study
-    machine = None if study.recordings.machine is None else Path(study.recordings.machine)
     told = json.loads((results / str(challenger.key) / "selection.json").read_bytes())["findings"]
     wrong = [one["statement"] for one in told if one["level"] == "error"]
     if wrong:
         return kept(champion, f"the new study has an error: {wrong[0]}", challenger.key)
     try:
-        whole = read(challenge.files, machine=machine, overrides=overrides_of(study))
-        reading = part_of(whole, challenge.judged)
+        with TemporaryDirectory() as folder:
+            runs, machine = local_recordings(challenge.recordings, Path(folder))
+            whole = read(list(runs), machine=machine, overrides=overrides_of(challenge.study))
+        reading = _part(whole, challenge.judged)
     except InputError as error:
         return kept(champion, f"the two models could not be compared: {error}")
     try:
@@ -118,13 +119,16 @@ def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
         after, wrong = _applied(_model(results, challenger), reading)
     except InputError as error:
         return kept(champion, f"the new model could not be applied to the newest recordings: {error}", challenger.key)
-    beside = part_of(whole, {*challenge.known, *challenge.judged}).recording
+    beside = _part(whole, challenge.known | challenge.judged).recording
     faults = _errors(inspect(beside, [name for name in before if name in beside.names]))
     if faults or wrong:
         what = "the displacement in them" if faults else "the new model"
         return kept(champion, f"in the newest recordings {what} has an error: {[*faults, *wrong][0]}", challenger.key)
-    judged = {sha256: str(challenger.key) for sha256 in challenge.judged.values()}
-    return _compared(champion, challenger, before, after, judged)
+    return _compared(champion, challenger, before, after, dict.fromkeys(challenge.judged, str(challenger.key)))
+
+
+def _part(whole: Reading, hashes: Collection[str]) -> Reading:
+    return part_of(whole, [Path(run.file) for run in whole.runs if run.sha256 in hashes])
 
 
 #: Response → run → mean square error [µm²].

@@ -462,7 +462,8 @@ def sisters_in(
 def _recording(study: Study) -> Recording:
     """The recordings of a machine without their faults; very long ones thinned."""
     with tempfile.TemporaryDirectory() as folder:
-        source = material_of(*local_recordings(study.recordings, Path(folder)), overrides_of(study)).source
+        runs, machine = local_recordings(study.recordings, Path(folder))
+        source = material_of(list(runs), machine, overrides_of(study)).source
         first = source.channels[0].name
         n_samples = sum(len(time_s) for run in source.runs for time_s, _ in source.chunks(run, [first]))
         return thinned(source, -(-n_samples // MOST_SAMPLES))

@@ -221,7 +221,7 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
     nothing = WatchedMachine(status="nothing-new", key=answer.key)
     with tempfile.TemporaryDirectory() as folder:
         runs_at, machine = local_recordings(study.recordings, Path(folder))
-        files = recording_files(runs_at)
+        files = recording_files(list(runs_at))
         if all(sha256_of(file) in seen for file in files.files):
             return nothing
         whole = read(files.files, machine=machine or files.machine, overrides=overrides_of(study))

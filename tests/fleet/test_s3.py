@@ -5,13 +5,31 @@ import json
 import pytest
 
 from selector.cli import exit_status
-from selector.fleet import answered, read_fleet
+from selector.fleet import answered, read_fleet, run_fleet
 from selector.fleet.machine_study import Task
-from tests.fleet.machines import Here, fleet_file, machine
+from tests.fleet.machines import Here, changed, fleet_file, machine
 from tests.patience import PATIENCE_S
 
 s3fs = pytest.importorskip("s3fs", reason="s3fs is not installed")
 moto = pytest.importorskip("moto.server", reason="moto with its server is not installed")
+
+#: Another choice than from all thermometers, so that a machine file that is not found is seen.
+MACHINE = """[time]
+column = "t"
+unit = "s"
+[channels.T1]
+role = "temperature"
+unit = "degC"
+[channels.T2]
+role = "temperature"
+unit = "degC"
+[channels.T4]
+role = "temperature"
+unit = "degC"
+[channels.Z]
+role = "displacement"
+unit = "um"
+"""
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +89,7 @@ def test_it_goes_on_from_what_is_whole_in_s3(plant, run, capsys):
     for arguments, counts in (([], (1, 1, 0)), ([], (0, 2, 0)), (["--refit"], (0, 2, 0))):
         again = said(*arguments)
         assert (again["done"], again["reused"], again["failed"]) == counts
-    assert all("URLs" in one["refit"]["because"] for one in again["machines"].values())
+    assert all("0 recordings came after it" in one["refit"]["because"] for one in again["machines"].values())
     assert exit_status(["fleet", "watch", str(path), "--json"]) == 0
     assert {one["status"] for one in json.loads(capsys.readouterr().out)["machines"].values()} == {"nothing-new"}
     assert exit_status(["fleet", "report", str(path)]) == 0
@@ -80,6 +98,28 @@ def test_it_goes_on_from_what_is_whole_in_s3(plant, run, capsys):
     bucket.invalidate_cache()
     named = {place.rpartition("/")[2] for place in bucket.find("plant/answers")}
     assert named == {"fleet.json", "watch.json", "fleet.html", "selection.json", "model.json", "done.json"}
+
+
+@pytest.mark.parametrize("names", ["{0}/*.csv", "{0}"])
+def test_a_model_is_replaced_by_recordings_in_s3_as_in_a_folder(plant, names, tmp_path, monkeypatch):
+    _, bucket = plant
+    here, there = tmp_path / "m", f"plant/{tmp_path.name}"
+    answers = []
+    for n_runs in (6, 16):
+        machine(here, 1, n_runs=n_runs)
+        changed(here, range(7, n_runs + 1), lambda table: table.update(2.0 * table[["Z [um]"]]))
+        (here / "machine.toml").write_text(MACHINE)
+        bucket.put(f"{here}/", f"{there}/m/", recursive=True)
+        for at in (str(tmp_path), f"s3://{there}"):
+            where = names.format(f"{at}/m")
+            text = f'results = "{at}/answers"\n[machines.m]\nruns = ["{where}"]\nmachine = "{at}/m/machine.toml"\n'
+            text = text if "*" in names else text.rpartition("machine = ")[0]
+            asked = read_fleet(fleet_file(tmp_path, text))
+            answers.append(run_fleet(asked, Here(), refit=n_runs > 6).machines["m"])
+    here, there = answers[2:]
+    assert here.refit.promoted, here.refit.because
+    assert {*here.sensors} <= {"T1", "T2", "T4"}
+    assert there.model_dump(exclude={"seconds"}) == here.model_dump(exclude={"seconds"})
 
 
 @pytest.mark.parametrize("command", ["run", "watch", "report"])
