@@ -12,7 +12,7 @@ from typing import Annotated, Literal, TypeVar
 from pydantic import Field, ValidationError
 
 from selector.atomic_file import write_whole
-from selector.errors import InputError, OptionError, ResultError, StorageError
+from selector.errors import InputError, OptionError, ResultError, StorageError, StudyError
 from selector.fleet.fleet_file import Fleet
 from selector.fleet.machine_study import OVERDUE, Answer, Document, Refit, Task, known_answer, told_of
 from selector.fleet.refitting import Challenge, anew_because, challenge_of, kept, settled, without_use
@@ -71,10 +71,18 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
     What ends it early (Ctrl-C, a cluster that is gone) leaves all answers so far in the results folder. With `refit` a
     machine that has a model keeps it, unless one that learnt from later recordings is better; see `challenge_of`.
 
-    Raises ResultError: with `refit`, the fleet was never run.
+    Raises ResultError: with `refit`, the fleet was never run. Raises StudyError: no study can keep `memory_limit_gb`.
     """
     if fleet.memory_limit_gb is not None:
         import_module("psutil")  # where it is missing, that is told before the start
+        if fleet.memory_limit_gb < (least_gb := workers.least_gb()):
+            workers.close()
+            raise StudyError(
+                f"{fleet.memory_limit_gb:g} GB",
+                expected=f"more than {least_gb:.3f} GB, which the program holds here with next to no recordings",
+                where=f"{fleet.place}, key memory_limit_gb",
+                advice="raise it, or leave the key out",
+            )
     in_use = _in_use(fleet, refit)
     found = {
         name: one if name in fleet.studies else without_use(one, _MISSING, "missing")

@@ -7,16 +7,20 @@ import queue
 import secrets
 import signal
 import sys
+import tempfile
 import time
 import warnings
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any
 
 from selector.errors import OptionError
 from selector.fleet.machine_study import Answer, Task, answered
+from selector.study.study_file import Recordings, SelectSection, Study
 
 _BIRTHS, _BIRTH_WAIT_S = 5, 0.2
+_SMALLEST = "t [s],T1 [degC],Z [um]\n" + "".join(f"{60 * i},{20 + i % 7},{i % 5}\n" for i in range(60))
 NO_WORKER_S = 60.0  #: So long a cluster may be without any worker before the fleet gives up.
 
 
@@ -74,11 +78,17 @@ class Processes:
 
     def taken_gb(self, name: str) -> float:
         """Memory that the process of a study holds, program and all [GB]; 0 where it is gone."""
-        import psutil
+        return _held_gb(self._busy[name][0]) if name in self._busy else 0.0
 
-        with contextlib.suppress(KeyError, psutil.Error):
-            return float(psutil.Process(self._busy[name][0].pid).memory_info().rss) / 1e9
-        return 0.0
+    def least_gb(self) -> float:
+        """Memory that a process holds after a study of next to nothing [GB]; it does the others, too."""
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / "r.csv").write_text(_SMALLEST, encoding="ascii")
+            study = Study(recordings=Recordings(runs=(folder,)), select=SelectSection())
+            self.start(Task("", study, Path(folder) / "answers", 3600.0))
+            while not self.finished(1.0):
+                pass
+        return _held_gb(self._idle[-1][0]) if self._idle else 0.0
 
     def stop(self, name: str) -> None:
         """Give a study up; it never appears in `finished`."""
@@ -185,9 +195,11 @@ class Cluster:
             )
         return found
 
-    def taken_gb(self, _name: str) -> float:
+    def taken_gb(self, _name: str = "") -> float:
         """Nothing: the memory of a worker is its own affair, and its nanny ends it."""
         return 0.0
+
+    least_gb = taken_gb
 
     def stop(self, name: str) -> None:
         """Give a study up; it never appears in `finished`."""
@@ -211,6 +223,14 @@ class Cluster:
 
 
 Workers = Processes | Cluster  #: Who does studies, a few at a time.
+
+
+def _held_gb(process: BaseProcess) -> float:
+    import psutil
+
+    with contextlib.suppress(psutil.Error):
+        return float(psutil.Process(process.pid).memory_info().rss) / 1e9
+    return 0.0
 
 
 def _came_of(future: Any) -> Answer | None:
