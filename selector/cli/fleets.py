@@ -33,14 +33,14 @@ def run(
     What was done before of the same recordings, options and version is not done again, so a run that was stopped or
     killed goes on where it was. A machine that fails is told with its reason, and the others go on.
     """
-    from selector.fleet import Cluster, Processes, read_fleet, run_fleet
+    from selector.fleet import RESULT_FILE, Cluster, Processes, read_fleet, run_fleet
     from selector.telling.fleet import fleet_account
 
     if jobs is not None and dask is not None:
         expected = "processes of this computer, or a cluster"
         raise unusable_option(f"--jobs {jobs} beside --dask {dask}", expected, "leave one of the two out")
     asked = read_fleet(fleet)
-    require_writable_folder(asked.results, "results")
+    require_writable_folder(asked.results, "results", (RESULT_FILE,))
     workers = Cluster(dask) if dask is not None else Processes(min(jobs or os.cpu_count() or 1, len(asked.studies)))
     try:
         with fleet_progress() as tell:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, ValidationError
 
 from selector.errors import StudyError
 from selector.fleet.places import (
@@ -37,7 +37,7 @@ from selector.text_file import text_of
 SCHEMA = "selector.fleet-file/1"
 MOST_MACHINES = 100_000
 _PAGE = "docs/reference/fleet.md"
-Above0 = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=False)]
+Above0 = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 def _of_runs(value: Any) -> Any:
@@ -95,10 +95,13 @@ def read_fleet(path: str | Path) -> Fleet:
     # what is wrong for all is told before the start, what is wrong for one is told of that one
     options_of(Study(recordings=Recordings(runs=(".",)), select=said.select), where=where)
     studies: dict[str, Study] = {}
-    for name, section in _machines(said, place):
-        if name in studies:
-            raise _unusable(f"two machines called {name!r}", where, "name them apart under [machines]")
-        studies[name] = _study(said, section, place, f"{where}, machine {name}")
+    try:
+        for name, section in _machines(said, place):
+            if name in studies:
+                raise _unusable(f"two machines called {name!r}", where, "name them apart under [machines]")
+            studies[name] = _study(said, section, place, f"{where}, machine {name}")
+    except ValidationError as error:  # what is in the file was checked, what lies in folders may be called anything
+        raise _unusable(f"a path that is no Unicode, {error.errors()[0]['input']!r}", where, "rename it") from error
     if not studies:
         raise _unusable("no machine", where, 'add folders = ["plant/*"], or a table [machines] with name = "folder"')
     return Fleet(place, results_at(said.results, place.parent), said.time_limit_s, said.memory_limit_gb, studies)

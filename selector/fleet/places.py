@@ -22,7 +22,7 @@ _PUTTING = Lock()  #: What a transaction of fsspec puts is that of all threads.
 
 def is_url(reference: str) -> bool:
     """Whether fsspec has to reach it."""
-    return "://" in reference
+    return reference.find("://") > 0
 
 
 def is_pattern(reference: str) -> bool:

@@ -71,8 +71,18 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
     What ends it early (Ctrl-C, a cluster that is gone) leaves all answers so far in the results folder. With `refit` a
     machine that has a model keeps it, unless one that learnt from later recordings is better; see `challenge_of`.
 
-    Raises ResultError: with `refit`, the fleet was never run. Raises StudyError: no study can keep `memory_limit_gb`.
+    Raises ResultError: with `refit`, the fleet was never run. Raises StudyError: no study can keep the limit of memory,
+    or the results folder is that of another fleet.
     """
+    in_use = _in_use(fleet, refit)
+    if in_use and not in_use.keys() & fleet.studies.keys():
+        raise StudyError(
+            f"answers of other machines: {', '.join(in_use)}"[:300],
+            expected=f"answers of this fleet ({', '.join(fleet.studies)}"[:300] + "), or none",
+            where=str(fleet.results),
+            advice="name another folder under `results`; if the machines were renamed, move fleet.json away: what has "
+            "an answer keeps it",
+        )
     if fleet.memory_limit_gb is not None:
         import_module("psutil")  # where it is missing, that is told before the start
         if fleet.memory_limit_gb < (least_gb := workers.least_gb()):
@@ -83,7 +93,6 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
                 where=f"{fleet.place}, key memory_limit_gb",
                 advice="raise it, or leave the key out",
             )
-    in_use = _in_use(fleet, refit)
     found = {
         name: one if name in fleet.studies else without_use(one, _MISSING, "missing")
         for name, one in in_use.items()

@@ -70,6 +70,7 @@ def test_a_machine_is_a_text_an_array_or_a_table_and_changes_single_options(plan
         ("", "no machine", "FLEET.toml"),
         ("folders = [", "not TOML", "FLEET.toml"),
         ('folder = ["plant/*"]', "'folder'", "key folder"),
+        ('folders = ["plant/*"]\ntime_limit_s = true', "True", "key time_limit_s"),
         ('[machines]\nm1 = "plant/m1"\n[machines.m2]\nruns = ["plant/m2"]\ncolour = 3', "'colour'", "machines.m2"),
         ('[machines]\nm1 = "plant/m1"\n[select]\ndegree = 7', "degree", "key select.degree"),
         ('folders = ["plant/*"]\n[machines]\nm1 = "elsewhere"', "two machines called 'm1'", "FLEET.toml"),
@@ -93,3 +94,12 @@ def test_the_nearest_key_of_a_machine_is_named(plant):
 def test_a_fleet_file_that_is_not_there(tmp_path):
     with pytest.raises(StudyError, match=r"FLEET\.toml"):
         read_fleet(tmp_path / "FLEET.toml")
+
+
+def test_a_folder_whose_name_is_no_unicode_is_told(plant):
+    try:
+        (plant / "plant" / "m\udcff").mkdir()
+    except (OSError, UnicodeError):
+        pytest.skip("this file system has no such names")
+    with pytest.raises(StudyError, match=r"udcff.*rename it"):
+        read_fleet(fleet_file(plant, 'folders = ["plant/*"]'))

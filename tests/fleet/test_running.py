@@ -7,11 +7,12 @@ import re
 import signal
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 
 from selector.cli import exit_status
-from selector.errors import OptionError, ResultError
+from selector.errors import OptionError, ResultError, StudyError
 from selector.fleet import RESULT_FILE, Answer, Processes, answered, read_answer, read_fleet, run_fleet
 from selector.fleet.machine_study import Task
 from selector.telling.fleet import fleet_account
@@ -170,6 +171,32 @@ def test_ctrl_c_keeps_what_is_done(fleet):
         run_fleet(fleet, workers)
     assert workers.closed
     assert list(read_answer(fleet.results).machines) == ["m0", "m1"]
+
+
+def test_a_results_folder_of_another_fleet_is_told_and_left_as_it_was(fleet):
+    run_fleet(fleet, Told({f"m{i}": [DONE] for i in range(4)}))
+    before = (fleet.results / RESULT_FILE).read_bytes()
+    other = replace(fleet, studies={"mill": fleet.studies["m0"]})
+    workers = Told({"mill": [DONE]})
+    for refit in (False, True):
+        with pytest.raises(StudyError, match="m0, m1, m2, m3"):
+            run_fleet(other, workers, refit=refit)
+    assert workers.begun == []
+    assert (fleet.results / RESULT_FILE).read_bytes() == before
+    # machines may come and go, as long as one is left
+    run_fleet(
+        replace(fleet, studies={"mill": fleet.studies["m0"], "m1": fleet.studies["m1"]}),
+        Told({"mill": [DONE], "m1": [DONE]}),
+    )
+
+
+def test_a_file_of_somebody_else_is_not_written_over(tmp_path, capsys):
+    machine(tmp_path / "m", 1, n_runs=2)
+    path = fleet_file(tmp_path, 'results = "."\n[machines]\nm = "m"\n')
+    (tmp_path / RESULT_FILE).write_text("what I know of the fleet")
+    assert exit_status(["fleet", "run", str(path)]) == 2
+    assert "which this command did not write" in capsys.readouterr().err
+    assert (tmp_path / RESULT_FILE).read_text() == "what I know of the fleet"
 
 
 def test_a_full_disk_ends_the_fleet_and_is_no_fault_of_its_machines(fleet, monkeypatch):

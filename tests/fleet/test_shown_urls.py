@@ -2,7 +2,7 @@
 
 import pytest
 
-from selector.fleet.places import without_password
+from selector.fleet.places import is_url, without_password
 
 
 @pytest.mark.parametrize(
@@ -18,3 +18,13 @@ from selector.fleet.places import without_password
 )
 def test_account_and_signature_are_hidden_and_nothing_else(url: str, shown: str) -> None:
     assert without_password(url) == shown
+
+
+def test_what_names_no_server_is_a_path() -> None:
+    assert [is_url(one) for one in ("s3://a", "simplecache::s3://a", "://a", "a:/b", "")] == [
+        True,
+        True,
+        False,
+        False,
+        False,
+    ]
