@@ -1,7 +1,7 @@
 """Which recordings came after a model: those later than all that it was learnt from and judged on."""
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from selector.findings import Finding
@@ -9,23 +9,15 @@ from selector.readers import Reading
 from selector.recording import Recording
 
 
-@dataclass(frozen=True)
-class ByAge:
-    """The distinct recordings of a reading, as SHA-256 → file, oldest first."""
-
-    earlier: dict[str, Path]  #: Up to the newest that was seen
-    later: dict[str, Path]  #: After it
-
-
-def by_age(reading: Reading, seen: Collection[str]) -> ByAge:
-    """The recordings before and after the newest of those that were seen (SHA-256); a copy is no further recording."""
+def by_age(reading: Reading, seen: Collection[str]) -> tuple[dict[str, Path], dict[str, Path]]:
+    """Distinct recordings, as SHA-256 → file, oldest first: up to the newest of those seen (SHA-256), and after it."""
     of = {run.name: run for run in reading.runs}
     files: dict[str, Path] = {}
     for name in runs_by_age(reading.recording):
         files.setdefault(of[name].sha256, Path(of[name].file))
     first = 1 + max((number for number, sha256 in enumerate(files) if sha256 in seen), default=-1)
     pairs = list(files.items())
-    return ByAge(dict(pairs[:first]), dict(pairs[first:]))
+    return dict(pairs[:first]), dict(pairs[first:])
 
 
 def runs_by_age(recording: Recording) -> list[str]:

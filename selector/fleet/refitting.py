@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -37,58 +37,63 @@ class Challenge:
 
     champion: Answer
     study: Study  #: Of the challenger
-    recordings: Recordings  #: All that are distinct
+    recordings: Recordings  #: All of them
     judged: frozenset[str]  #: SHA-256 of the newest, which neither model has seen
     known: frozenset[str]  #: Of those of which the model in use was made
 
 
-def anew_because(study: Study, champion: Answer, results: Path) -> str | None:
-    """Why the machine is studied anew without a comparison: nothing can be compared with what is in use."""
+def challenge_of(study: Study, champion: Answer, results: Path) -> Challenge | Answer | str:
+    """The challenge of the model in use, or its answer again with the reason why there is none.
+
+    A text says why the machine is studied anew without a comparison. Recordings came after the model when they are
+    later than all that it was learnt from or judged on. The newest half of them, four at least, are for the comparison.
+    The challenger learns from those before, as many as the model in use had.
+    """
     try:
         model = _model(results, champion)
     except StorageError:
         raise
     except InputError as error:
         return f"the model in use cannot be read: {error}"
-    asked, done = question_of(study), done_of(results / str(champion.key))
+    done = done_of(results / str(champion.key))
     if done is not None and done.question is not None:
-        is_other = done.question != asked
+        is_other = done.question != question_of(study)
     else:  # of an answer that does not say its question, the responses at least
         responses = () if study.select is None else study.select.responses
         is_other = bool(responses) and {output.name for output in model.outputs} != set(responses)
-    return "what is asked (responses or options) is not what was asked for the model in use" if is_other else None
+    if is_other:
+        return "what is asked (responses or options) is not what was asked for the model in use"
+    learnt = set(model.provenance.data_sha256.values())
+    try:
+        return _challenge(study, champion, learnt)
+    except InputError as error:
+        return kept(champion, f"what was recorded since cannot be used: {error}")
 
 
-def challenge_of(study: Study, champion: Answer, results: Path) -> Challenge | Answer:
-    """The challenge of the model in use, or its answer again, with the reason why there is none.
-
-    Recordings came after the model when they are later than all that it was learnt from or judged on. The newest half
-    of them, four at least, are for the comparison. The challenger learns from those before, as many as the model in use
-    had.
-
-    Raises InputError: the recordings or the model cannot be read.
-    """
-    learnt = set(_model(results, champion).provenance.data_sha256.values())
-    seen = learnt | set(champion.judged)
-    later: dict[str, Path] = {}
+def _challenge(study: Study, champion: Answer, learnt: Set[str]) -> Challenge | Answer:
+    seen, later = learnt | set(champion.judged), dict[str, Path]()
     with TemporaryDirectory() as folder:
         named, machine = local_recordings(study.recordings, Path(folder))
         files = recording_files(list(named))
         machine = machine or files.machine
         if any(sha256_of(file) not in seen for file in files.files):
-            ordered = by_age(read(files.files, machine=machine, overrides=overrides_of(study)), seen)
-            later = ordered.later
+            reading = read(files.files, machine=machine, overrides=overrides_of(study))
+            earlier, later = by_age(reading, seen)
     if len(later) <= FEWEST_JUDGED:
         came = f"{len(later)} recording{'s' * (len(later) != 1)} came after it"
         last = " was last compared" if champion.judged else ""
         return kept(champion, f"{came}{last}, and {FEWEST_JUDGED + 1} are needed")
     hashes = list(later)[-max(FEWEST_JUDGED, math.ceil(len(later) / 2)) :]
-    everything = {sha256: reference_of(file, named) for sha256, file in (ordered.earlier | later).items()}
-    before = [file for sha256, file in everything.items() if sha256 not in hashes][-len(learnt) :]
-    said = study.recordings.machine or (machine and reference_of(machine, named))
-    recordings = Recordings(runs=tuple(everything.values()), machine=said)
-    asked = study.model_copy(update={"recordings": recordings.model_copy(update={"runs": tuple(before)})})
-    return Challenge(champion, asked, recordings, frozenset(hashes), frozenset(learnt & ordered.earlier.keys()))
+    before = [sha256 for sha256 in earlier | later if sha256 not in hashes][-len(learnt) :]
+    # of some runs another logger wrote a file, too
+    files_of = {run.sha256: [run.file, *(one.file for one in run.beside)] for run in reversed(reading.runs)}
+    everything = Recordings(
+        runs=tuple(reference_of(file, named) for file in files.files),
+        machine=study.recordings.machine or (machine and reference_of(machine, named)),
+    )
+    some = tuple(reference_of(Path(file), named) for sha256 in before for file in files_of[sha256])
+    asked = study.model_copy(update={"recordings": everything.model_copy(update={"runs": some})})
+    return Challenge(champion, asked, everything, frozenset(hashes), frozenset(learnt & earlier.keys()))
 
 
 def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
@@ -104,7 +109,8 @@ def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
         with TemporaryDirectory() as folder:
             runs, machine = local_recordings(challenge.recordings, Path(folder))
             whole = read(list(runs), machine=machine, overrides=overrides_of(challenge.study))
-        reading = _part(whole, challenge.judged)
+        _, files = by_age(whole, ())
+        reading = part_of(whole, [files[sha256] for sha256 in files if sha256 in challenge.judged])
     except InputError as error:
         return kept(champion, f"the two models could not be compared: {error}")
     try:
@@ -119,16 +125,13 @@ def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
         after, wrong = _applied(_model(results, challenger), reading)
     except InputError as error:
         return kept(champion, f"the new model could not be applied to the newest recordings: {error}", challenger.key)
-    beside = _part(whole, challenge.known | challenge.judged).recording
+    both = [files[sha256] for sha256 in files if sha256 in challenge.known | challenge.judged]
+    beside = part_of(whole, both).recording
     faults = _errors(inspect(beside, [name for name in before if name in beside.names]))
     if faults or wrong:
         what = "the displacement in them" if faults else "the new model"
         return kept(champion, f"in the newest recordings {what} has an error: {[*faults, *wrong][0]}", challenger.key)
     return _compared(champion, challenger, before, after, dict.fromkeys(challenge.judged, str(challenger.key)))
-
-
-def _part(whole: Reading, hashes: Collection[str]) -> Reading:
-    return part_of(whole, [Path(run.file) for run in whole.runs if run.sha256 in hashes])
 
 
 #: Response → run → mean square error [µm²].

@@ -12,10 +12,10 @@ from typing import Annotated, Literal, TypeVar
 from pydantic import Field, ValidationError
 
 from selector.atomic_file import write_whole
-from selector.errors import InputError, OptionError, ResultError, StorageError, StudyError
+from selector.errors import OptionError, ResultError, StorageError, StudyError
 from selector.fleet.fleet_file import Fleet
 from selector.fleet.machine_study import OVERDUE, Answer, Document, Refit, Task, known_answer, told_of
-from selector.fleet.refitting import Challenge, anew_because, challenge_of, kept, settled, without_use
+from selector.fleet.refitting import Challenge, challenge_of, settled, without_use
 from selector.fleet.workers import Workers
 from selector.json_text import json_text
 from selector.study.study_file import Study
@@ -149,7 +149,7 @@ def _answers(
     anew: dict[str, str] = {}
     studies = dict(fleet.studies)
     for name in (name for name in fleet.studies if refit and name in in_use):
-        asked = _guarded(in_use[name], partial(_challenge, studies[name], in_use[name], fleet.results))
+        asked = _guarded(in_use[name], partial(challenge_of, studies[name], in_use[name], fleet.results))
         if isinstance(asked, str):
             anew[name] = asked
         elif isinstance(asked, Answer):
@@ -168,15 +168,6 @@ def _answers(
             yield name, answer.model_copy(update={"refit": told})
         else:
             yield name, answer
-
-
-def _challenge(study: Study, champion: Answer, results: Path) -> Challenge | Answer | str:
-    """The challenge of a model in use, its answer again, or why the machine is studied anew without a comparison."""
-    why = anew_because(study, champion, results)
-    try:
-        return why or challenge_of(study, champion, results)
-    except InputError as error:
-        return kept(champion, f"what was recorded since cannot be used: {error}")
 
 
 def _guarded(champion: Answer, doing: Callable[[], Kind]) -> Kind | Answer:

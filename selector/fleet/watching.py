@@ -225,7 +225,7 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
         if all(sha256_of(file) in seen for file in files.files):
             return nothing
         whole = read(files.files, machine=machine or files.machine, overrides=overrides_of(study))
-        later = by_age(whole, seen).later
+        _, later = by_age(whole, seen)
         if not later:
             return nothing
         reading = part_of(whole, later.values())

@@ -152,7 +152,7 @@ class Cluster:
         try:
             connect: Any = Client
             self._client: Any = connect(address, timeout="20s", set_as_default=False)
-        except (OSError, TimeoutError, ValueError) as error:
+        except Exception as error:  # each kind of address has errors of its own
             raise OptionError(
                 f"no scheduler that answers ({error})",
                 expected="the address of a Dask scheduler, such as tcp://computer:8786",

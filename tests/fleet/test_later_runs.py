@@ -22,15 +22,15 @@ def test_by_the_clock_where_there_is_one(tmp_path):
     a, b, c = (recording(tmp_path, name, day) for name, day in (("a", 5), ("b", 9), ("c", 2)))
     recording(tmp_path, "copy_of_b", 9)
     reading = read([tmp_path])
-    found = by_age(reading, {sha256_of(a)})
-    assert list(found.earlier.values()) == [c, a]
-    assert list(found.later.values()) == [b]
-    assert part_of(reading, found.later.values()).recording.runs == ("b",)
-    assert list(by_age(reading, set()).later.values()) == [c, a, b]
+    earlier, later = by_age(reading, {sha256_of(a)})
+    assert list(earlier.values()) == [c, a]
+    assert list(later.values()) == [b]
+    assert part_of(reading, later.values()).recording.runs == ("b",)
+    assert list(by_age(reading, set())[1].values()) == [c, a, b]
 
 
 def test_by_name_where_one_has_no_clock(tmp_path):
     paths = [recording(tmp_path, name, None) for name in ("r2", "r10", "r100")]
-    found = by_age(read([tmp_path]), {sha256_of(paths[1])})
-    assert list(found.earlier.values()) == paths[:2]
-    assert list(found.later.values()) == paths[2:]
+    earlier, later = by_age(read([tmp_path]), {sha256_of(paths[1])})
+    assert list(earlier.values()) == paths[:2]
+    assert list(later.values()) == paths[2:]

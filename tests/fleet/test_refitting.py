@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 
+import pandas as pd
 import pytest
 
 from selector.cli import exit_status
@@ -244,6 +245,32 @@ def test_a_model_stays_where_only_the_files_beside_it_were_changed(fleet):
     one = run_fleet(fleet, Here(), refit=True).machines["m"]
     assert (one.status, one.key, len(one.refit.runs)) == ("reused", before.key, 5)
     assert "were changed" in one.refit.because
+
+
+def test_a_run_of_which_two_loggers_wrote_a_file_each_is_learnt_from_with_both(tmp_path):
+    folder = tmp_path / "m"
+    asked = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"\n[select]\nresponses = ["Z"]\n'))
+    for n_runs in (PROVED, ALL):
+        machine(folder, 1, n_runs=n_runs)
+        changed(folder, range(PROVED + 1, n_runs + 1), gauge_turned)
+        for number in range(1, n_runs + 1):
+            table = pd.read_csv(folder / f"r{number}.csv")
+            table[["t [s]", "Z [um]"]].to_csv(folder / f"z{number}.csv", index=False)
+            table.drop(columns="Z [um]").to_csv(folder / f"r{number}.csv", index=False)
+        pairs = (f'[runs.r{number}]\nbeside = ["z{number}"]\n' for number in range(1, n_runs + 1))
+        columns = {"t": "", **{f"T{i}": "temperature" for i in range(1, 5)}, "Z": "displacement"}
+        (folder / "machine.toml").write_text(
+            '[time]\ncolumn = "t"\nunit = "s"\n'
+            + "".join(
+                f'[channels.{name}]\nrole = "{role}"\nunit = "{"um" if name == "Z" else "degC"}"\n'
+                for name, role in columns.items()
+                if role
+            )
+            + "".join(pairs)
+        )
+        one = run_fleet(asked, Here(), refit=n_runs > PROVED).machines["m"]
+        assert one.status == "done", one
+    assert one.refit.promoted, one.refit.because
 
 
 def test_a_model_whose_sensor_is_gone_is_an_error(fleet):
