@@ -3,17 +3,10 @@
 Two parts stand here: how touch-offs correct the outputs, and the readings and calls by which the file is checked.
 """
 
+from operator import not_
 from typing import Annotated, Any, Literal, Never
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    SerializerFunctionWrapHandler,
-    StringConstraints,
-    model_serializer,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from selector.controllers.strict_json import LARGEST_COLLECTION
 
@@ -116,7 +109,10 @@ class CheckVector(Closed):
     positions_m: dict[Name, Series] | None = Field(default=None, description="axis → position; null: P = P0")
     expected: dict[Name, Series]
     fallbacks: tuple[dict[Name, Series], ...] = Field(
-        default=(), max_length=500, description="of each fallback in their order, the outputs on the same readings"
+        default=(),
+        max_length=500,
+        exclude_if=not_,
+        description="of each fallback in their order, the outputs on the same readings",
     )
 
     @model_validator(mode="after")
@@ -129,10 +125,6 @@ class CheckVector(Closed):
                 if len(series) != len(self.time_s):
                     refuse(("fallbacks", i, name), f"{len(series)} values", f"{len(self.time_s)}, as time_s has")
         return self
-
-    @model_serializer(mode="wrap")
-    def _without_nothing(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return without(of_fields(self), "fallbacks")
 
 
 class GuardVector(Closed):
@@ -165,8 +157,3 @@ def _check_lengths(of: Any, by: str, *tables: str) -> None:
         for name, series in (getattr(of, field) or {}).items():
             if len(series) != n:
                 refuse((field, name), f"{len(series)} values", f"{n}, as many as {by} has")
-
-
-def without(content: dict[str, Any], *fields: str) -> dict[str, Any]:
-    """Content without these fields where they say nothing: it has the bytes from before there were any."""
-    return {key: value for key, value in content.items() if value or key not in fields}

@@ -4,17 +4,11 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping
+from operator import not_
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    ConfigDict,
-    Field,
-    SerializerFunctionWrapHandler,
-    ValidationError,
-    model_serializer,
-    model_validator,
-)
+from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from selector.atomic_file import write_whole
 from selector.controllers.closed_values import (
@@ -35,7 +29,6 @@ from selector.controllers.closed_values import (
     Sign,
     Text,
     refuse,
-    without,
 )
 from selector.controllers.strict_json import JSON_KINDS, LARGEST_COLLECTION, json_path, json_text, parsed_json, shown
 from selector.errors import ModelFileError
@@ -250,12 +243,14 @@ class ModelFile(Closed):
     outputs: tuple[Output, ...] = Field(min_length=1, max_length=32, fail_fast=True)
     guard: Guard = Guard()
     fallbacks: tuple[Fallback, ...] = Field(default=(), max_length=500, fail_fast=True)
-    adaptation: Adaptation | None = None
+    adaptation: Adaptation | None = Field(default=None, exclude_if=not_)
     provenance: Provenance = Provenance()
     validation: dict[Name, Validation] = Field(default_factory=dict, max_length=32, description="output → figures")
     test_vectors: tuple[CheckVector, ...] = Field(default=(), max_length=100, fail_fast=True)
-    guard_vectors: tuple[GuardVector, ...] = Field(default=(), max_length=100, fail_fast=True)
-    digest: Sha256 | None = Field(default=None, description="SHA-256 of the other fields: JSON with sorted keys")
+    guard_vectors: tuple[GuardVector, ...] = Field(default=(), max_length=100, fail_fast=True, exclude_if=not_)
+    digest: Sha256 | None = Field(
+        default=None, exclude_if=not_, description="SHA-256 of the other fields: JSON with sorted keys"
+    )
 
     @model_validator(mode="after")
     def _hangs_together(self) -> "ModelFile":
@@ -274,10 +269,6 @@ class ModelFile(Closed):
                 if of.output not in outputs:
                     refuse(("adaptation", "outputs", i, "output"), repr(of.output), _one_of(outputs))
         return self
-
-    @model_serializer(mode="wrap")
-    def _without_nothing(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return without(of_fields(self), "adaptation", "guard_vectors", "digest")
 
 
 def model_json_schema() -> dict[str, Any]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import BeforeValidator, Field
 
 from selector.errors import StudyError
 from selector.fleet.places import (
@@ -95,13 +95,10 @@ def read_fleet(path: str | Path) -> Fleet:
     # what is wrong for all is told before the start, what is wrong for one is told of that one
     options_of(Study(recordings=Recordings(runs=(".",)), select=said.select), where=where)
     studies: dict[str, Study] = {}
-    try:
-        for name, section in _machines(said, place):
-            if name in studies:
-                raise _unusable(f"two machines called {name!r}", where, "name them apart under [machines]")
-            studies[name] = _study(said, section, place, f"{where}, machine {name}")
-    except ValidationError as error:  # what is in the file was checked, what lies in folders may be called anything
-        raise _unusable(f"a path that is no Unicode, {error.errors()[0]['input']!r}", where, "rename it") from error
+    for name, section in _machines(said, place):
+        if name in studies:
+            raise _unusable(f"two machines called {name!r}", where, "name them apart under [machines]")
+        studies[name] = _study(said, section, place, f"{where}, machine {name}")
     if not studies:
         raise _unusable("no machine", where, 'add folders = ["plant/*"], or a table [machines] with name = "folder"')
     return Fleet(place, results_at(said.results, place.parent), said.time_limit_s, said.memory_limit_gb, studies)
@@ -117,7 +114,9 @@ def _machines(said: FleetFile, place: Path) -> Iterator[tuple[str, MachineSectio
             raise _unusable(
                 f"nothing that {without_password(pattern)!r} fits", f"{place}, key folders", "correct the pattern"
             )
-        yield from ((last_part(one) or one, MachineSection(runs=(one,))) for one in found)
+        for one in found:  # may be called anything
+            name = last_part(one) or one
+            yield name, checked(MachineSection, {"runs": (one,)}, f"{place}, key folders, found {name!r}", _PAGE)
     yield from said.machines.items()
 
 

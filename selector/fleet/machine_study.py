@@ -7,10 +7,11 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import not_
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from threadpoolctl import threadpool_limits
 
 from selector import __version__
@@ -35,11 +36,6 @@ class Document(BaseModel):
     """A part of what a command of a fleet prints, or keeps."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
-    may_lack: ClassVar[tuple[str, ...]] = ()  #: Keys that are not in it where they say nothing
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_none(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {key: value for key, value in of_fields(self).items() if value or key not in self.may_lack}
 
 
 class Refit(Document):
@@ -59,7 +55,6 @@ class Refit(Document):
 class Answer(Document):
     """What came of one machine."""
 
-    may_lack = ("refit", "judged")
     status: Literal["done", "reused", "failed", "missing"]
     error: str | None = None  #: Why it failed, or that the machine was not found
     #: Name of the folder of its answer; of a machine that failed or is missing, that of the model in use, if there is
@@ -68,9 +63,10 @@ class Answer(Document):
     sensors: tuple[str, ...] = ()  #: Those that were chosen
     heldout_rmse_um: dict[str, float | None] = Field(default_factory=dict)  #: Response → error on unseen runs
     seconds: float = 0.0  #: That the study took, also when its answer is used again
-    refit: Refit | None = None  #: None, and not in the document: no new model was tried
+    #: None, and not in the document: no new model was tried
+    refit: Refit | None = Field(default=None, exclude_if=not_)
     #: SHA-256 of a recording on which the model in use was compared → key of the other model, or its own where it won
-    judged: dict[str, str] = Field(default_factory=dict)
+    judged: dict[str, str] = Field(default_factory=dict, exclude_if=not_)
     is_unkept: bool = Field(default=False, exclude=True)  #: Nothing can be kept: that is no fault of the machine
 
     @property

@@ -89,7 +89,7 @@ def _challenge(study: Study, champion: Answer, learnt: Set[str]) -> Challenge | 
     files_of = {run.sha256: [run.file, *(one.file for one in run.beside)] for run in reversed(reading.runs)}
     everything = Recordings(
         runs=tuple(reference_of(file, named) for file in files.files),
-        machine=study.recordings.machine or (machine and reference_of(machine, named)),
+        machine=study.recordings.machine or (None if machine is None else reference_of(machine, named)),
     )
     some = tuple(reference_of(Path(file), named) for sha256 in before for file in files_of[sha256])
     asked = study.model_copy(update={"recordings": everything.model_copy(update={"runs": some})})

@@ -6,6 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from importlib import import_module
+from operator import not_
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -43,14 +44,13 @@ class Shared(Document):
 class FleetAnswer(Document):
     """What came of a fleet, as `selector fleet run --json` prints it."""
 
-    may_lack = ("missing", "shared")
     schema_: Annotated[Literal["selector.fleet/1"], Field(alias="schema")] = "selector.fleet/1"
     done: int
     reused: int
     failed: int
-    missing: int = 0  #: Were not found, and keep their model; 0 is not in the document
+    missing: int = Field(default=0, exclude_if=not_)  #: Were not found, and keep their model; 0 is not in the document
     machines: dict[str, Answer]
-    shared: tuple[Shared, ...] = ()  #: None is not in the document
+    shared: tuple[Shared, ...] = Field(default=(), exclude_if=not_)  #: None is not in the document
 
     @property
     def copies(self) -> frozenset[str]:

@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 import warnings
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -34,6 +35,11 @@ class Processes:
         self._context: Any = multiprocessing.get_context(method)
         if method == "forkserver":
             self._context.set_forkserver_preload([__name__])
+            # a Ctrl-C while it loads them is no affair of its own: it would print where it was; the tracker unblocks it
+            resource_tracker.ensure_running()
+            mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            forkserver.ensure_running()
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         self._idle: list[tuple[BaseProcess, Connection]] = []
         self._busy: dict[str, tuple[BaseProcess, Connection]] = {}
         self._unborn: list[str] = []
@@ -77,8 +83,13 @@ class Processes:
         return found
 
     def taken_gb(self, name: str) -> float:
-        """Memory that the process of a study holds, program and all [GB]; 0 where it is gone."""
-        return _held_gb(self._busy[name][0]) if name in self._busy else 0.0
+        """Memory that the process of a study holds, program and all [GB], of "" an idle one; 0 where it is gone."""
+        import psutil
+
+        with contextlib.suppress(LookupError, psutil.Error):
+            process, _ = self._busy[name] if name else self._idle[-1]
+            return float(psutil.Process(process.pid).memory_info().rss) / 1e9
+        return 0.0
 
     def least_gb(self) -> float:
         """Memory that a process holds after a study of next to nothing [GB]; it does the others, too."""
@@ -88,7 +99,7 @@ class Processes:
             self.start(Task("", study, Path(folder) / "answers", 3600.0))
             while not self.finished(1.0):
                 pass
-        return _held_gb(self._idle[-1][0]) if self._idle else 0.0
+        return self.taken_gb("")
 
     def stop(self, name: str) -> None:
         """Give a study up; it never appears in `finished`."""
@@ -223,14 +234,6 @@ class Cluster:
 
 
 Workers = Processes | Cluster  #: Who does studies, a few at a time.
-
-
-def _held_gb(process: BaseProcess) -> float:
-    import psutil
-
-    with contextlib.suppress(psutil.Error):
-        return float(psutil.Process(process.pid).memory_info().rss) / 1e9
-    return 0.0
 
 
 def _came_of(future: Any) -> Answer | None:

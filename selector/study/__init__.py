@@ -24,7 +24,6 @@ from selector.study.study_file import SelectSection as SelectSection
 from selector.study.study_file import Study as Study
 from selector.study.study_file import parsed_study as parsed_study
 from selector.study.study_file import read_study as read_study
-from selector.study.study_file import study_json_schema as study_json_schema
 from selector.study.study_file import study_place as study_place
 from selector.study.study_file import study_text as study_text
 from selector.study.study_file import write_study as write_study

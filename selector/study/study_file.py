@@ -171,12 +171,6 @@ class Study(Table):
     results: Mapping[FileName, Sha256] = Field(default_factory=dict)
 
 
-def study_json_schema() -> dict[str, Any]:
-    """The closed JSON Schema (draft 2020-12) of the study file, as shipped in ``schema/selector.study-1.json``."""
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": "urn:selector:study:1"}
-    return head | Study.model_json_schema(by_alias=True)
-
-
 STUDY_FILE = "study.toml"
 LARGEST_FILE_BYTES = 16_000_000  #: Ten thousand recordings with long paths take half of it.
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from selector.errors import OptionError
+from selector.physics.ranges import joined
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks
 from selector.physics.thermal.field.geometry import surfaces as surfaces_of
 from selector.physics.thermal.field.machine import Sensor
@@ -224,17 +225,6 @@ def machine_outline(geometry: MachineGeometry | None = None) -> tuple[Vector, ..
         pieces[along, u, v].append((float(min(start[along], end[along])), float(max(start[along], end[along]))))
     lines = []
     for (along, u, v), spans in sorted(pieces.items()):
-        for low, high in _joined(spans):
+        for low, high in joined(spans, 1e-9):
             lines.append(np.insert(np.array([[u, v], [u, v]]), along, [low, high], axis=1))
     return tuple(lines)
-
-
-def _joined(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Pieces of a line that touch, as one."""
-    joined: list[tuple[float, float]] = []
-    for low, high in sorted(spans):
-        if joined and low <= joined[-1][1] + 1e-9:
-            joined[-1] = (joined[-1][0], max(joined[-1][1], high))
-        else:
-            joined.append((low, high))
-    return joined

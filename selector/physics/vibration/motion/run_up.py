@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
+from selector.physics.ranges import joined
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.motion.final_motion import ChainMethod, final_motions, source_curve
 from selector.physics.vibration.rounding import above, below
@@ -62,7 +63,7 @@ def run_up(
     low, high = course.range_rpm(float(time_s[0]), float(time_s[-1]))
     # a hair wider, so that rounding does not lead out of a curve
     ranges = [(order * low / 60.0 * (1.0 - 1e-12), order * high / 60.0 * (1.0 + 1e-12)) for _, _, order in lines]
-    curves = [source_curve(structure, source, *one, finals, chains) for one in _joined(ranges)]
+    curves = [source_curve(structure, source, *one, finals, chains) for one in joined(ranges)]
     for (_, line, order), (_, highest) in zip(lines, ranges, strict=True):
         curve = next(one for one in curves if highest <= one.highest_hz)
         frequency = order * rpm / 60.0
@@ -171,17 +172,6 @@ def too_quick(
                     f"let the frequency change by less than {rate * HURRY / share:.3g} Hz/s there",
                 )
     return said
-
-
-def _joined(ranges: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Ranges that overlap as one, by frequency."""
-    found: list[tuple[float, float]] = []
-    for low, high in sorted(ranges):
-        if found and low <= found[-1][1]:
-            found[-1] = found[-1][0], max(found[-1][1], high)
-        else:
-            found.append((low, high))
-    return found
 
 
 _BLOCK = 512
