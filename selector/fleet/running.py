@@ -5,7 +5,6 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from importlib import import_module
 from operator import not_
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -83,16 +82,14 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
             advice="name another folder under `results`; if the machines were renamed, move fleet.json away: what has "
             "an answer keeps it",
         )
-    if fleet.memory_limit_gb is not None:
-        import_module("psutil")  # where it is missing, that is told before the start
-        if fleet.memory_limit_gb < (least_gb := workers.least_gb()):
-            workers.close()
-            raise StudyError(
-                f"{fleet.memory_limit_gb:g} GB",
-                expected=f"more than {least_gb:.3f} GB, which the program holds here with next to no recordings",
-                where=f"{fleet.place}, key memory_limit_gb",
-                advice="raise it, or leave the key out",
-            )
+    if fleet.memory_limit_gb is not None and fleet.memory_limit_gb < (least_gb := workers.least_gb()):
+        workers.close()
+        raise StudyError(
+            f"{fleet.memory_limit_gb:g} GB",
+            expected=f"more than {least_gb:.3f} GB, which the program holds here with next to no recordings",
+            where=f"{fleet.place}, key memory_limit_gb",
+            advice="raise it, or leave the key out",
+        )
     found = {
         name: one if name in fleet.studies else without_use(one, _MISSING, "missing")
         for name, one in in_use.items()

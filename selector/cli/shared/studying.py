@@ -170,7 +170,10 @@ def _lacking(source: Source, context: typer.Context, accept_changes: bool) -> It
 
 def _refuse_beside_study(context: typer.Context, allowed: Collection[str]) -> None:
     """Ends with an error when an option stands beside --study that the study itself answers."""
-    given = [part for part in context.command.params if part.name not in allowed and _is_said(context, part.name or "")]
+    asked = [part for part in context.command.params if part.name not in allowed]
+    # typer brings its own click, so the enumeration has no stable place
+    sources = [getattr(context.get_parameter_source(part.name or ""), "name", "DEFAULT") for part in asked]
+    given = [part for part, one in zip(asked, sources, strict=True) if one not in ("DEFAULT", "DEFAULT_MAP")]
     if given:
         first = given[0]
         name = "RUN..." if first.param_type_name == "argument" else first.opts[0]
@@ -181,11 +184,6 @@ def _refuse_beside_study(context: typer.Context, allowed: Collection[str]) -> No
             where="command line",
             advice=f"change it in the study file, or leave {STUDY} out and say everything here",
         )
-
-
-def _is_said(context: typer.Context, name: str) -> bool:
-    # typer brings its own click, so the enumeration has no stable place
-    return getattr(context.get_parameter_source(name), "name", "DEFAULT") not in ("DEFAULT", "DEFAULT_MAP")
 
 
 def source_of_study(study: Study, folder: Path) -> Source:
