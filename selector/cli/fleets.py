@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from selector.fleet import Fleet
     from selector.telling.account import Account
 
+PAGE = "fleet.html"
 FleetPath = Annotated[Path, argument("fleet FLEET.toml")]
 
 
@@ -60,18 +61,15 @@ def watch(
     made. Nothing is fitted again and nothing is written to a control.
     """
     from selector.fleet import read_fleet, watch_fleet
-    from selector.telling import write_account
+    from selector.fleet.watching import WATCH_FILE
     from selector.telling.fleet import watch_account
 
     _require_page(out)
     asked = read_fleet(fleet)
-    require_writable_folder(asked.results, "results")
+    require_writable_folder(asked.results, "results", (WATCH_FILE,))
     with fleet_progress() as tell:
         account = watch_account(watch_fleet(asked, tell), title=_title(asked))
-    _show(account, "the page of --out", as_json=as_json)
-    if out is not None:
-        write_account(account, out)
-        showing.show_written(showing.screen(as_json), out)
+    _show(account, "the page of --out", out, as_json=as_json)
 
 
 def report(
@@ -79,17 +77,16 @@ def report(
 ) -> None:
     """Makes one page from the results folder: what to do this week, all machines, sensor places that serve all."""
     from selector.fleet import overview, read_answer, read_fleet
-    from selector.telling import write_account
     from selector.telling.fleet import fleet_account
 
     _require_page(out)
     asked = read_fleet(fleet)
+    if out is None:
+        require_writable_folder(asked.results, "results", (PAGE,))
     answer = read_answer(asked.results)
     missing = [name for name in asked.studies if name not in answer.machines]
     account = fleet_account(answer, missing, title=_title(asked), beside=overview(asked.results, answer))
-    page = write_account(account, out or asked.results / "fleet.html")
-    _show(account, "the page", as_json=as_json)
-    showing.show_written(showing.screen(as_json), page)
+    _show(account, "the page", out or asked.results / PAGE, as_json=as_json)
 
 
 def sisters(
@@ -126,11 +123,15 @@ def sisters(
         showing.screen(as_json).print(told, markup=False)
 
 
-def _show(account: Account, rest: str, *, as_json: bool) -> None:
+def _show(account: Account, rest: str, page: Path | None = None, *, as_json: bool) -> None:
+    from selector.telling import write_account
+
     if as_json:
         showing.print_json(account.data)
     elif not showing.show_account(console := showing.screen(), account, most_lines=showing.MOST_LINES):
         console.print(f"Everything else that is known is in {rest}.", markup=False)
+    if page is not None:
+        showing.show_written(showing.screen(as_json), write_account(account, page))
 
 
 def _require_page(out: Path | None) -> None:

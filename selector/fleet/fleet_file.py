@@ -115,7 +115,7 @@ def _machines(said: FleetFile, place: Path) -> Iterator[tuple[str, MachineSectio
                 f"nothing that {without_password(pattern)!r} fits", f"{place}, key folders", "correct the pattern"
             )
         for one in found:  # may be called anything
-            name = last_part(one) or one
+            name = last_part(one)
             yield name, checked(MachineSection, {"runs": (one,)}, f"{place}, key folders, found {name!r}", _PAGE)
     yield from said.machines.items()
 

@@ -1,6 +1,7 @@
 """What the answers of a fleet say together: errors run by run, the last watch, places that serve all machines."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,7 +35,7 @@ def overview(results: Path, answer: FleetAnswer) -> Overview:
             told = json.loads((results / str(one.key) / "selection.json").read_bytes())
             runs = {response: model["per_run"].values() for response, model in told["models"].items()}
             by_run[name] = {
-                response: tuple(float(error) for run in of if (error := run.get("heldout_rmse_um")))
+                response: tuple(e for run in of if 0.0 < (e := float(run.get("heldout_rmse_um") or 0.0)) < math.inf)
                 for response, of in runs.items()
             }
             single += [name] * any(finding["id"] == "one-run-only" for finding in told.get("findings", ()))

@@ -33,7 +33,7 @@ def is_pattern(reference: str) -> bool:
 def last_part(reference: str) -> str:
     """Name of a folder or file, as a machine is called by it: without the ending of a recording."""
     path = Path(reference.rstrip("/").rpartition("://")[2])
-    return path.stem if has_name_of_recording(path) else path.name
+    return (path.stem if has_name_of_recording(path) else path.name) or reference
 
 
 def may_hold_recordings(reference: str) -> bool:

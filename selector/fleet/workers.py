@@ -35,11 +35,6 @@ class Processes:
         self._context: Any = multiprocessing.get_context(method)
         if method == "forkserver":
             self._context.set_forkserver_preload([__name__])
-            # a Ctrl-C while it loads them is no affair of its own: it would print where it was; the tracker unblocks it
-            resource_tracker.ensure_running()
-            mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-            forkserver.ensure_running()
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         self._idle: list[tuple[BaseProcess, Connection]] = []
         self._busy: dict[str, tuple[BaseProcess, Connection]] = {}
         self._unborn: list[str] = []
@@ -116,6 +111,12 @@ class Processes:
         for tries_left in range(_BIRTHS - 1, -1, -1):
             process = self._context.Process(target=_serve, args=(theirs,), daemon=True)
             try:
+                if self._context.get_start_method() == "forkserver":
+                    # a Ctrl-C while it loads is no affair of its own: it would print where it was
+                    resource_tracker.ensure_running()  # unblocks it
+                    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+                    forkserver.ensure_running()
+                    signal.pthread_sigmask(signal.SIG_SETMASK, mask)
                 process.start()
                 break
             except (EOFError, OSError):

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 
 def joined(ranges: Iterable[tuple[float, float]], apart: float = 0.0) -> list[tuple[float, float]]:
-    """Ranges that overlap, or are no farther `apart`, as one; ascending."""
+    """Ranges that overlap, or are no farther `apart`, as one each; ascending."""
     found: list[tuple[float, float]] = []
     for low, high in sorted(ranges):
         if found and low <= found[-1][1] + apart:

@@ -144,6 +144,19 @@ def test_a_run_that_the_proof_does_not_cover_leaves_the_machine_its_bars_and_pla
     assert any("third run on m0: " in item for item in block(fleet_account(answer, beside=found), "next")[0].items)
 
 
+def test_errors_that_are_no_number_have_no_bars(fleet, tmp_path):
+    asked = read_fleet(fleet)
+    shutil.copytree(asked.results, tmp_path / "results")
+    answer = read_answer(tmp_path / "results")
+    runs = ", ".join(f'"r{i}": {{"heldout_rmse_um": {error}}}' for i, error in enumerate(("NaN", "1e999", -1.0, 2.0)))
+    place = tmp_path / "results" / answer.machines["m0"].key / "selection.json"
+    place.write_text(f'{{"models": {{"Z": {{"per_run": {{{runs}}}}}}}}}', encoding="utf-8")
+    found = overview(tmp_path / "results", answer)
+    assert found.by_run_um["m0"] == {"Z": (2.0,)}
+    rows = block(fleet_account(answer, beside=found), "machines")[0].table.rows
+    assert next(row for row in rows if row[0] == "m0")[2].count("█") == 1
+
+
 def test_a_watch_whose_findings_say_nothing_is_none(fleet, tmp_path):
     asked = read_fleet(fleet)
     told = {"schema": "selector.fleet-watch/1", "alarms": 0, "machines": {"m0": {"status": "quiet", "findings": [{}]}}}

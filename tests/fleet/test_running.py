@@ -190,13 +190,19 @@ def test_a_results_folder_of_another_fleet_is_told_and_left_as_it_was(fleet):
     )
 
 
-def test_a_file_of_somebody_else_is_not_written_over(tmp_path, capsys):
+@pytest.mark.parametrize(("command", "file"), [("run", RESULT_FILE), ("watch", "watch.json"), ("report", "fleet.html")])
+def test_a_file_of_somebody_else_is_not_written_over(tmp_path, command, file, monkeypatch, capsys):
+    monkeypatch.setattr("selector.fleet.Processes", lambda _: Here())
     machine(tmp_path / "m", 1, n_runs=2)
     path = fleet_file(tmp_path, 'results = "."\n[machines]\nm = "m"\n')
-    (tmp_path / RESULT_FILE).write_text("what I know of the fleet")
-    assert exit_status(["fleet", "run", str(path)]) == 2
+    for name in dict.fromkeys(("run", command)):
+        # what the command wrote before gives way
+        assert [exit_status(["fleet", name, str(path)]) for _ in range(2)] == [0, 0]
+    (tmp_path / file).write_text("what I know of the fleet")
+    capsys.readouterr()
+    assert exit_status(["fleet", command, str(path)]) == 2
     assert "which this command did not write" in capsys.readouterr().err
-    assert (tmp_path / RESULT_FILE).read_text() == "what I know of the fleet"
+    assert (tmp_path / file).read_text() == "what I know of the fleet"
 
 
 def test_a_full_disk_ends_the_fleet_and_is_no_fault_of_its_machines(fleet, monkeypatch):
@@ -299,6 +305,7 @@ class TestProcesses:
     def test_ctrl_c_does_not_reach_the_server_while_it_loads(self, workers):
         from multiprocessing import forkserver
 
+        workers._idle.append(workers._new())
         status = Path(f"/proc/{forkserver._forkserver._forkserver_pid}/status").read_text()
         blocked = int(re.search(r"SigBlk:\s*(\w+)", status)[1], 16)
         assert blocked >> (signal.SIGINT - 1) & 1

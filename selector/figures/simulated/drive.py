@@ -12,6 +12,7 @@ from selector.figures.panels import Line, Panel, stacked
 from selector.number_text import number_text
 from selector.physics.drive.drive_summary import LINEAR, Measures
 from selector.physics.drive.trajectory import Motion
+from selector.physics.ranges import joined
 from selector.types import Vector
 
 COMMANDED, TABLE, ERROR, OUTPUT = style.MUTED, style.PREDICTED, style.RESIDUAL, style.CHOSEN
@@ -128,14 +129,8 @@ def stretches(time_s: Vector, mask: NDArray[np.bool_]) -> list[tuple[float, floa
     edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
     starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     end_s = time_s[np.minimum(ends, len(time_s) - 1)]
-    found: list[tuple[float, float]] = []
     least = SHORTEST_SPAN * float(time_s[-1] - time_s[0])
-    for start, end in zip(time_s[starts].tolist(), end_s.tolist(), strict=True):
-        if found and start - found[-1][1] < least:
-            found[-1] = (found[-1][0], end)
-        else:
-            found.append((start, end))
-    return found
+    return joined(zip(time_s[starts].tolist(), end_s.tolist(), strict=True), least)
 
 
 _UNITS = {"um": ("mm", 1e-3, "µm"), "urad": ("rad", 1e-6, "µrad")}
