@@ -132,7 +132,7 @@ def told_of(error: Exception) -> str:
     """What is told of an error that must not stop the other machines."""
     if isinstance(error, MemoryError):
         return f"memory ran out ({error}): use fewer processes, or store the recordings as Parquet"
-    is_known = isinstance(error, SelectorError)
+    is_known = isinstance(error, SelectorError | OSError)
     return str(error) if is_known else f"a defect of the program, not of the data: {type(error).__name__}: {error}"
 
 

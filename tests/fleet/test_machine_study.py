@@ -121,6 +121,15 @@ class TestErrorsAreAnswers:
         monkeypatch.setattr("selector.fleet.machine_study.select", lambda *_, **__: 1 / 0)
         self.told(answered(task(again)), "a defect of the program", "ZeroDivisionError")
 
+    def test_rights_that_are_missing_are_no_defect(self, again, monkeypatch):
+        def refused(*_, **__):
+            raise PermissionError(13, "Permission denied", "answers/model.json")
+
+        monkeypatch.setattr("selector.fleet.machine_study.known_answer", refused)
+        found = answered(task(again))
+        self.told(found, "Permission denied", "answers/model.json")
+        assert "defect" not in found.error
+
     def test_a_results_folder_that_cannot_be_written(self, again):
         shutil.rmtree(again / "results")
         (again / "results").write_text("a file")
