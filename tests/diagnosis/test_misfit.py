@@ -9,10 +9,12 @@ import pytest
 
 from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.effects.catalogue import catalogue, effect_of
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.misfit import misfit, tempered
+from selector.diagnosis.evidence.naming import is_little_in_one_run, of_practical_size
 from selector.diagnosis.evidence.response import bench_of
+from selector.diagnosis.evidence.search import search
 from selector.diagnosis.matching.alignment import resolution
 from selector.diagnosis.matching.runs import pure_error, repeats
 from selector.diagnosis.shapes.signals import lagged
@@ -112,6 +114,63 @@ def test_a_little_misfit_of_one_run_is_told_and_is_not_missing(of_movement, runs
         assert told[0].evidence["share_of_movement"] == pytest.approx(of_movement, rel=0.1)
         assert "of a size that matters" in found.headline
         assert "one run alone" in told[0].statement
+
+
+def changed(by, runs=3, resolution=0.0):
+    """The simulation beside it and a course [its movement], read in steps, in so many runs."""
+    made = comparison({"Z": np.zeros(N)})
+    movement = float(np.std(made.simulated["Z"][:1200]))
+    z = made.recorded["Z"] + movement * by
+    z = np.round(z / (resolution * movement)) * resolution * movement if resolution else z
+    whole = replace(made, recorded=made.recorded | {"Z": z}, resolution={"Z": resolution * movement})
+    return whole if runs > 1 else replace(whole, runs=("r1",), starts=(0, N), time_s=np.arange(N) * 30.0)
+
+
+def spells(size):
+    course = wavy(1.0) * (np.sin(TIME / 60.0) > 0.0)
+    return size * course / np.std(course)
+
+
+@pytest.mark.parametrize(("resolution", "verdict"), [(0.0, "unexplained"), (0.1, "nothing-missing")])
+def test_structure_below_a_step_of_the_reading_is_not_missing(resolution, verdict):
+    made = changed(spells(0.06) + 0.003 * noise(10), resolution=resolution)
+    assert diagnosis(made, seed=0).verdict == verdict
+
+
+EFFECTS = tuple(effect_of(name) for name in ("thermal.memory", "thermal.instant_speed"))
+
+
+def searched(made, times=1.0):
+    benches = {"Z": bench_of(made, "Z", EFFECTS)[0]}
+    return replace(search(benches, false_alarm=0.02, seed=0), misfit={"Z": times})
+
+
+@pytest.mark.parametrize(("unseen", "is_little"), [(-0.06, True), (-0.12, False)])
+def test_what_is_left_of_one_run_counts_as_given_where_recalibration_makes_unseen_rows_worse(unseen, is_little):
+    is_fitted = np.arange(N) < 0.7 * N
+    made = changed(np.where(is_fitted, 0.06, unseen) + 0.01 * noise(10), runs=1)
+    made = replace(made, held_out=~is_fitted)
+    assert is_little_in_one_run(made, searched(made), "Z") == is_little
+
+
+@pytest.mark.parametrize(
+    ("size", "beside", "runs", "times", "is_named"),
+    [
+        (0.04, 0.04, 1, 3.0, False),
+        (0.04, 0.04, 1, 1.0, True),  # beside noise
+        (0.04, 0.04, 3, 3.0, True),
+        (0.04, 0.01, 1, 3.0, True),  # most of it
+        (0.2, 0.2, 1, 3.0, True),
+    ],
+)
+def test_what_explains_a_part_of_a_little_misfit_of_one_run_is_only_seen(size, beside, runs, times, is_named):
+    speed = comparison({"Z": np.zeros(N)}).recorded["n"]
+    made = changed(size * speed / np.std(speed) + beside * noise(10), runs=runs)
+    if runs == 1:
+        made = replace(made, held_out=np.arange(N) >= 0.7 * N)
+    found, also = of_practical_size(made, searched(made, times))
+    name = ["thermal.instant_speed"]
+    assert (list(found.named), [one.id for one in also]) == ((name, []) if is_named else ([], name))
 
 
 MOVED_S = np.arange(N) * 0.01

@@ -57,6 +57,17 @@ def test_shares_are_those_of_least_squares(is_shifted):
         assert share == pytest.approx(min(here, there), abs=1e-6)
 
 
+def test_shapes_that_stand_in_every_run_are_the_same_at_any_time_and_are_not_asked():
+    bench, _ = bench_of(missing_memory(0, 3.0), "Z", catalogue())
+    v = _Shapes(bench).numbers[0]
+    column = np.repeat([0.0, 1.0, 1.0], N)[:, None]
+    of = bench.candidates[v]
+    standing = replace(of, variant=replace(of.variant, columns=column + 0.01 * of.variant.columns))
+    some = list(bench.candidates)
+    some[v] = standing
+    assert v not in _Shapes(replace(bench, candidates=some)).numbers
+
+
 def unnamed(asked: Comparison) -> Search:
     benches = {name: bench_of(asked, name, catalogue())[0] for name in asked.responses}
     return replace(search(benches, false_alarm=0.02, seed=0), named={})

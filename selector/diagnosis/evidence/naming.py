@@ -389,8 +389,9 @@ def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tu
     """The search with names that matter alone, and those that are only seen, too.
 
     Where what is left is not noise alone, everything is significant. If all names together explain less than two fifths
-    of what is above the noise, or a mismatch that does not matter, the mismatch is something else. A frozen reading is
-    proved by its equal readings. What explains less than a hundredth is not told of.
+    of what is above the noise, less than three quarters of what is little in one run, or a mismatch that does not
+    matter, the mismatch is something else. A frozen reading is proved by its equal readings. What explains less than a
+    hundredth is not told of.
     """
     doubted = {
         id_
@@ -399,11 +400,20 @@ def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tu
         and (
             all(_is_trifle(comparison, found, name, is_noise=found.misfit[name] == 1.0) for name in of)
             or (all(found.misfit[name] > 1.0 for name in of) and max(_explained(comparison, found)) < _MOST)
+            or all(_is_part_of_little(comparison, found, name) for name in of)
         )
     }
     also = {id_: of for id_, of in {**found.named, **found.small}.items() if id_ in doubted or id_ not in found.named}
     rest = replace(found, named={id_: of for id_, of in found.named.items() if id_ not in doubted})
     return rest, seen_only(_beside(comparison, found, id_, of) for id_, of in also.items())
+
+
+def _is_part_of_little(comparison: Comparison, found: Search, response: str) -> bool:
+    """Whether names explain less than three quarters of a mismatch that is no noise, and little in one run."""
+    bench = found.benches[response]
+    left = bench.mean_square(numbers(found.named, response)) / bench.mean_square([])
+    is_misfit = found.misfit[response] > 1.0
+    return is_misfit and left > 1.0 - MOST_OF_IT and is_little_in_one_run(comparison, found, response)
 
 
 def seen_only(effects: Iterable[NamedEffect]) -> tuple[NamedEffect, ...]:
@@ -429,25 +439,25 @@ def _beside(comparison: Comparison, found: Search, id_: str, of: Mapping[str, in
 def is_small(comparison: Comparison, found: Search, response: str, size: float = np.inf) -> bool:
     """Whether what recalibration leaves of a response, or structure of a `size` [unit] in it, is too little to matter.
 
-    That is what repeats of a programme differ by as well, unseen rows too; a trifle of what was recorded; and little of
-    it, where recalibration has made the error much smaller, in unseen rows as well: that is what is to be done first.
+    That is what repeats of a programme differ by as well, or a step of the reading, unseen rows too; a trifle of what
+    was recorded; and little of it, where recalibration has made the error much smaller, in unseen rows as well: that is
+    what is to be done first.
     """
     is_little = size < _LITTLE_BESIDE * _movement(comparison, found, response) and is_recalibrated(found, response)
     is_little &= _of_movement(comparison, found, response) < _ALL_LEFT
+    is_little |= _off(found, response) < found.benches[response].resolution
     is_trifle = _is_trifle(comparison, found, response, is_noise=not is_structured(found, response))
     return is_little or is_trifle or _is_as_repeated(comparison, found, response)
 
 
 def is_little_in_one_run(comparison: Comparison, found: Search, response: str) -> bool:
-    """Whether recalibration leaves less than a tenth of the movement, on unseen rows too, of a record of one run.
+    """Whether less than a tenth of the movement is left, on unseen rows too, of a record of one run.
 
     Nothing in such a record tells noise that wanders, and a law that is not quite its own, from what comes again.
     """
-    bench = found.benches[response]
-    if np.ptp(bench.runs) > 0:
+    if np.ptp(found.benches[response].runs) > 0:
         return False
-    left = max(_left_alone(found, response), unseen_rms(bench, []))
-    return left < _ALL_LEFT * _movement(comparison, found, response)
+    return _off(found, response) < _ALL_LEFT * _movement(comparison, found, response)
 
 
 def is_recalibrated(found: Search, response: str) -> bool:
@@ -459,10 +469,16 @@ def is_recalibrated(found: Search, response: str) -> bool:
 
 
 def _is_as_repeated(comparison: Comparison, found: Search, response: str) -> bool:
-    bench, repeated = found.benches[response], pure_error(comparison, response)
-    recalibrated = max(_left_alone(found, response), unseen_rms(bench, []))
+    repeated = pure_error(comparison, response)
+    return repeated is not None and _off(found, response) < _AS_REPEATED * repeated
+
+
+def _off(found: Search, response: str) -> float:
+    """What the simulation is off in fitted or unseen rows, whichever is more; recalibrated or as given, if less."""
+    bench = found.benches[response]
+    recalibrated = max(float(np.sqrt(bench.mean_square([]))), unseen_rms(bench, []))
     as_given = np.nanmax([rms(bench.given[rows]) for rows in (bench.fitted, ~bench.fitted)])
-    return repeated is not None and min(recalibrated, as_given) < _AS_REPEATED * repeated
+    return min(recalibrated, float(as_given))
 
 
 def _is_trifle(comparison: Comparison, found: Search, response: str, *, is_noise: bool) -> bool:
@@ -517,12 +533,7 @@ def _movement(comparison: Comparison, found: Search, response: str) -> float:
 
 def _of_movement(comparison: Comparison, found: Search, response: str) -> float:
     whole = _movement(comparison, found, response)
-    return _left_alone(found, response) / whole if whole > 0.0 else np.inf
-
-
-def _left_alone(found: Search, response: str) -> float:
-    bench = found.benches[response]
-    return rms(bench.residual([])[bench.fitted])
+    return float(np.sqrt(found.benches[response].mean_square([]))) / whole if whole > 0.0 else np.inf
 
 
 def _explained(comparison: Comparison, found: Search) -> Iterator[float]:

@@ -23,7 +23,7 @@ from selector.diagnosis.evidence.search import Search
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.runs import rms
 from selector.findings import Finding, Where
-from selector.types import Vector
+from selector.types import Matrix, Vector
 
 _SHIFTS, _MOST_ROWS = 60, 8_000
 _WIDEST = 3  #: Coefficients of a shape, at most.
@@ -32,6 +32,7 @@ _BEYOND, _MORE = 1.25, 0.03  #: Times the most that a shape at a wrong time expl
 #: Of the spread of the readings: what recalibration leaves, below which any wrong course explains a part of it.
 _MATTERS = 0.12
 _AS_GOOD, _MOST_ALIKE = 0.6, 3
+_STANDS = 0.1  #: Of the spread of a shape: what differs by less within every run.
 _AT_ANY_TIME = ("vibration.line", "vibration.imbalance")  #: Waves of any phase, which are the same at a wrong time.
 
 
@@ -116,7 +117,14 @@ class _Shapes:
         some = slice(None, None, -(-len(bench.target) // _MOST_ROWS))
         self.runs = bench.runs[some]
         sizes = {v: len(one.variant.names) for v, one in enumerate(bench.candidates) if one.effect.family != "data"}
-        self.numbers = [v for v, size in sizes.items() if size <= _WIDEST]
+        parts = [self.runs == run for run in np.unique(self.runs)]
+
+        def moves(columns: Matrix) -> bool:
+            within = np.max([np.std(columns[of], axis=0) for of in parts], axis=0)
+            return bool(np.any(within > _STANDS * np.std(columns, axis=0)))
+
+        # what stands in every run is the same at any time
+        self.numbers = [v for v, size in sizes.items() if size <= _WIDEST and moves(bench.raw(v)[some])]
         ends = np.cumsum([0, *(sizes[v] for v in self.numbers)])
         self._parts = [slice(a, b) for a, b in itertools.pairwise(ends.tolist())]
         self._x = np.column_stack([np.empty((len(self.runs), 0)), *(bench.raw(v)[some] for v in self.numbers)])
