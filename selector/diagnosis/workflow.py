@@ -19,8 +19,6 @@ from selector.diagnosis.evidence.confirmation import (
     confirmation,
     confirmed,
     doubted,
-    fades,
-    gains_nothing,
     held_out_faults,
     left_unseen,
     not_ruinous,
@@ -350,9 +348,7 @@ def _is_sure(effect: NamedEffect, state: _State, largest: float) -> bool:
     is_trifle |= effect.share < TENTH and effect.acts is None and np.ptp(found.benches[effect.channel].runs) == 0
     gap = found.closed.get(effect.id)
     is_carried = effect.share >= _QUARTER and (gap is None or gap.low is None or gap.low >= _LEAST_SURE)
-    is_none = is_trifle or fades(effect, found) or only_cancels(effect, found)
-    is_none |= gains_nothing(state.comparison, effect, found)
-    return (effect.confidence >= _LEAST_SURE or is_carried) and not is_none
+    return (effect.confidence >= _LEAST_SURE or is_carried) and not (is_trifle or only_cancels(effect, found))
 
 
 def _named_clearly(state: _State) -> _State:

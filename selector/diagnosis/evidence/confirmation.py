@@ -8,12 +8,12 @@ import numpy as np
 from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect
-from selector.diagnosis.evidence.gain import recalibration
 from selector.diagnosis.evidence.naming import named_effect
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms, without
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record
+from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
 
 #: Whitened sum of squares of an effect's course in the held-out rows below which nothing is said by no gain there.
@@ -23,13 +23,11 @@ from selector.types import Matrix, Vector
 _SEEN = 10.0
 _SURELY_SEEN = 1e-3  #: Probability of chance below which what unseen rows refute is something all the same.
 _OFF, _SURELY = 0.25, 3.0  #: Part by which sizes differ that are another, and standard errors by which they are surely.
-#: Times the unseen error: names that leave more are no help there; the same where their course is to be seen in it.
-HARM, _RUIN = 1.05, 1.2
+HARM = 1.05  #: Times the unseen error: names that leave more are no help there.
 LEAST = 0.005  #: Of the mismatch: what is smaller is not named unless held-out rows bear it out.
 SUSPECTED = 0.5  #: What is left of a confidence that another programme does not bear out.
 _BORNE_OUT = 0.75  #: Mean square of unseen rows that a name leaves, in parts of that without it.
 _PART = 0.6  #: Of what an effect gains.
-_MUCH = 0.25  #: Share of the mismatch that noise does not make.
 _MOST_OF_GAP = 0.7  #: On unseen rows.
 _CANCELS = 3.0  #: Times the mismatch as it is given. Right names on real recordings are at most 2.1 times as large.
 _THE_SAME, _AS_LITTLE = 1.0 - 1e-6, 1.0 + 1e-6  #: Canonical correlation of courses that fitted rows cannot tell; error.
@@ -121,46 +119,11 @@ def only_cancels(effect: NamedEffect, found: Search) -> bool:
     return not effect.id.startswith("data.") and float(np.std(course)) > _CANCELS * rms(bench.target[bench.fitted])
 
 
-def fades(effect: NamedEffect, found: Search) -> bool:
-    """Whether what makes the fitted error much smaller makes the unseen one less than half as much smaller.
-
-    In all its responses, compared with the unseen error without it, or recalibrated alone. Of most of the mismatch,
-    sizes may differ. A fault of one fitted run has nothing to do with unseen rows.
-    """
-    if not _MUCH <= effect.share < MOST_OF_IT:
-        return False
-    most = 1.0 - 0.5 * (1.0 - np.sqrt(1.0 - effect.share))
-    for response in found.named[effect.id]:
-        bench = found.benches[response]
-        held = np.isfinite(bench.target) & ~bench.fitted
-        after, before = _unseen(effect.id, found, response)
-        least = min(before, rms((bench.target - recalibration(bench))[held]))
-        if not effect.courses[response][held].any() or after <= most * least:
-            return False
-    return True
-
-
 def left_unseen(effect: NamedEffect, found: Search) -> float:
     """Mean square that an effect leaves of the unseen rows, in parts of what is there without it."""
-    after, before = _unseen(effect.id, found, effect.channel)
-    return (after / max(before, 1e-300)) ** 2
-
-
-def gains_nothing(comparison: Comparison, effect: NamedEffect, found: Search) -> bool:
-    """Whether an effect makes the unseen error larger, and not only by chance.
-
-    A frozen reading is proved by its equal readings; what explains most of the mismatch may be of another size there.
-    """
-    if effect.id == "data.stuck" or effect.share >= MOST_OF_IT:
-        return False
-    is_seen = confirmation(comparison, found, effect.id).gain > 0.0
-    return left_unseen(effect, found) > (_RUIN if is_seen else HARM) ** 2
-
-
-def _unseen(id_: str, found: Search, response: str) -> tuple[float, float]:
-    """Root mean square of the unseen rows of a response with an effect and without it."""
-    bench, named = found.benches[response], numbers(found.named, response)
-    return unseen_rms(bench, named), unseen_rms(bench, [v for v in named if v != found.named[id_][response]])
+    bench, named, own = found.benches[effect.channel], numbers(found.named, effect.channel), found.named[effect.id]
+    before = unseen_rms(bench, [v for v in named if v != own[effect.channel]])
+    return (unseen_rms(bench, named) / max(before, 1e-300)) ** 2
 
 
 def as_unseen_rows_have_it(found: Search) -> Search:
@@ -199,7 +162,8 @@ def _is_the_same(bench: Bench, base: Matrix | None, v: int, k: int) -> bool:
 def not_ruinous(comparison: Comparison, found: Search) -> Search:
     """The search without names in responses whose error on unseen rows they make far larger; the least clear first.
 
-    What ruins one response may be well borne out in the others, and stays there.
+    What ruins one response may be well borne out in the others, and stays there. So does physics that explains most of
+    fitted and, at another size, of unseen rows: a coolant that works less the more of it there is is a coolant.
     """
     while True:
         ruined = [
@@ -207,12 +171,26 @@ def not_ruinous(comparison: Comparison, found: Search) -> Search:
             for id_, of in found.named.items()
             for response in of
             if _growth(comparison, found, id_, response) > _RUINED
+            and not _is_of_its_course(comparison, found, id_, response)
         ]
         if not ruined:
             return found
         _, id_, response = min(ruined)
         rest = {name: v for name, v in found.named[id_].items() if name != response}
         found = replace(found, named=without(found.named, id_) if not rest else {**found.named, id_: rest})
+
+
+def _is_of_its_course(comparison: Comparison, found: Search, id_: str, response: str) -> bool:
+    """Whether physics explains most of the fitted rows and, at another size above nothing, most of the unseen ones."""
+    effect, bench = named_effect(comparison, found, id_), found.benches[response]
+    held = np.isfinite(bench.target) & ~bench.fitted
+    if id_.startswith("data.") or effect.share < MOST_OF_IT or not np.ptp(effect.courses[response][held]):
+        return False
+    base, target = bench.nuisance[held], bench.target[held]
+    beside = np.column_stack([base, effect.courses[response][held]])
+    size = least_squares(beside, target)
+    left, without_it = rms(target - beside @ size), rms(target - base @ least_squares(base, target))
+    return bool(size[-1] > 0.0 and left**2 <= (1.0 - MOST_OF_IT) * without_it**2)
 
 
 def _growth(comparison: Comparison, found: Search, id_: str, response: str) -> float:
