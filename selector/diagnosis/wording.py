@@ -325,7 +325,9 @@ def _unexplained(found: Diagnosis) -> str:
     size = _size_in(found.comparison, first.channel, same)
     if size > 0.0:
         unit = found.comparison.channel(first.channel).unit
-        text += f", where recording and simulation differ by {amount(size, unit)} rms"
+        moved = float(np.nanstd(found.comparison.recorded[first.channel]))
+        part = f", {100.0 * size / moved:.2g} % of how far {first.channel} moves" if moved > 0.0 else ""
+        text += f", where recording and simulation differ by {amount(size, unit)} rms{part}"
     sentences = [f"{text}."]
     if any(one.id == UNRECORDED_SWITCH for one in found.findings):
         sentences.append("It comes and goes as by a switch that nobody recorded: see the findings.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -137,7 +138,10 @@ def test_noise_that_may_be_a_slow_effect_is_not_passed_off_as_noise():
 def test_the_unexplained_has_place_time_and_size_but_no_name():
     text = headline(answer("unexplained"))
     assert "Z, r1 from 30 min to 1 h 57 min, while spindle_speed > 1500 rpm and 2 other windows" in text
-    assert "differ by" in text
+    told = re.search(r"differ by ([0-9.]+) µm rms, ([0-9.]+) % of how far Z moves\.", text)
+    assert told is not None
+    moved = np.std(answer("unexplained").comparison.recorded["Z"])
+    assert float(told[2]) == pytest.approx(100.0 * float(told[1]) / moved, rel=0.05)  # two digits are told
     assert not any(name_of(effect.id) in text for effect in catalogue())
 
 
