@@ -134,7 +134,9 @@ def spells(size):
 @pytest.mark.parametrize(("resolution", "verdict"), [(0.0, "unexplained"), (0.1, "nothing-missing")])
 def test_structure_below_a_step_of_the_reading_is_not_missing(resolution, verdict):
     made = changed(spells(0.06) + 0.003 * noise(10), resolution=resolution)
-    assert diagnosis(made, seed=0).verdict == verdict
+    found = diagnosis(made, seed=0)
+    assert found.verdict == verdict
+    assert any("less than a step of the readings" in one.statement for one in found.findings) == bool(resolution)
 
 
 EFFECTS = tuple(effect_of(name) for name in ("thermal.memory", "thermal.instant_speed"))

@@ -505,6 +505,8 @@ def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) 
         why = f"only {100.0 * share:.2g} % of {of} (rms)"
         if _is_as_repeated(comparison, found, name):
             why = "no more than repeats of a programme differ by"
+        elif _off(found, name) < found.benches[name].resolution:
+            why = "less than a step of the readings"
         elif share >= _LITTLE and is_little_in_one_run(comparison, found, name):
             why += ", and one run alone does not tell it from noise that wanders"
         said = f"What recalibration leaves of {name} is no noise, but {why}: too little to be called missing physics."
