@@ -11,7 +11,7 @@ from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.finding_table import SLOW_REMAINDER, SMALL_MISFIT, UNRECORDED_SWITCH
 from selector.diagnosis.shown_units import displayed
-from selector.number_text import listed
+from selector.number_text import listed, number_text
 
 _STEPS = {
     "miscalibrated": "Give the simulation the offset, gain and delay below; no new physics is needed.",
@@ -326,7 +326,7 @@ def _unexplained(found: Diagnosis) -> str:
     if size > 0.0:
         unit = found.comparison.channel(first.channel).unit
         moved = float(np.nanstd(found.comparison.recorded[first.channel]))
-        part = f", {100.0 * size / moved:.2g} % of how far {first.channel} moves" if moved > 0.0 else ""
+        part = f", {number_text(100.0 * size / moved, 2)} % of how far {first.channel} moves" if moved > 0.0 else ""
         text += f", where recording and simulation differ by {amount(size, unit)} rms{part}"
     sentences = [f"{text}."]
     if any(one.id == UNRECORDED_SWITCH for one in found.findings):

@@ -142,6 +142,10 @@ def test_the_unexplained_has_place_time_and_size_but_no_name():
     assert told is not None
     moved = np.std(answer("unexplained").comparison.recorded["Z"])
     assert float(told[2]) == pytest.approx(100.0 * float(told[1]) / moved, rel=0.05)  # two digits are told
+    found = answer("unexplained")
+    little = {"Z": found.comparison.recorded["Z"] / 1e3}
+    much = replace(found.comparison, recorded=found.comparison.recorded | little)
+    assert re.search(r", [0-9]{3,} % of how far Z moves", headline(replace(found, comparison=much)))
     assert not any(name_of(effect.id) in text for effect in catalogue())
 
 
