@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from itertools import compress
 
 import numpy as np
@@ -58,7 +58,7 @@ from selector.diagnosis.shapes.input_faults import InputFault, input_faults, tol
 from selector.diagnosis.shapes.own_resonances import with_moved_resonances
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.wording import headline, is_data
-from selector.types import Matrix, Vector
+from selector.types import Vector
 
 _TRIFLE = 0.02  #: Of what the largest effect explains; of the mismatch, for a fault that unseen rows do not bear out.
 _MOST = 0.5
@@ -261,14 +261,14 @@ def _beside_switches(state: _State) -> _State:
     """What a switch that nobody recorded does beside the names; names that only stand in for it are none."""
     comparison, found, switches = state.comparison, state.search, dict[str, Switched]()
 
-    def asked(name: str, base: Matrix) -> Switched | None:
+    @cache
+    def asked(name: str, of: tuple[int, ...]) -> Switched | None:
         bench = found.benches[name]
-        return switched(comparison, name, bench.target, base, bench.resolution)
+        return switched(comparison, name, bench.target, bench.raw_base(of), bench.resolution)
 
-    for name, bench in found.benches.items():
-        of = numbers(found.named, name)
-        beside = asked(name, bench.raw_base(of))
-        alone = asked(name, bench.nuisance) if of and beside else beside
+    for name in found.benches:
+        beside = asked(name, tuple(numbers(found.named, name)))
+        alone = asked(name, ()) if beside else None
         if alone is not None and not is_small(comparison, found, name, float(np.std(alone.course))):
             switches[name] = alone
     if not switches:
@@ -286,7 +286,7 @@ def _beside_switches(state: _State) -> _State:
     found = found.only(kept)
     if kept:
         # what a name explains is no switch's
-        again = {name: asked(name, found.benches[name].raw_base(numbers(found.named, name))) for name in switches}
+        again = {name: asked(name, tuple(numbers(found.named, name))) for name in switches}
         switches = {name: one for name, one in again.items() if one is not None}
     return replace(state, switches=switches, search=found, also=state.also if kept else ())
 

@@ -239,11 +239,12 @@ def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple
     reading = np.full(spans[-1].stop, -1)
     reading[at] = np.arange(n)
     seen, step = reading >= 0, _risen(record.period_s * np.arange(1, spans[-1].stop + 1), lags_s)
+    turned = _transformed(spans, step)
 
-    def spread(values: Matrix) -> Matrix:
-        grid = np.zeros((len(reading), values.shape[1]))
-        grid[at] = values
-        return grid
+    def along(*courses: Vector) -> Matrix:
+        grid = np.zeros((len(reading), len(courses)))
+        grid[at] = np.column_stack(courses)
+        return _along(spans, turned, grid)
 
     possible = seen.copy()
     for part in record.runs:
@@ -252,11 +253,11 @@ def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple
             slice(max(part.start, part.stop - _SHORTEST), part.stop),
         ):
             possible[at[edge]] = False
-    free = _along(spans, step**2, seen.astype(np.float64)[:, None])[:, 0]
-    beside = free - np.sum(_along(spans, step, spread(base)) ** 2, axis=1)
+    free = _along(spans, _transformed(spans, step**2), seen.astype(np.float64)[:, None])[:, 0]
+    beside = free - np.sum(along(*base.T) ** 2, axis=1)
+    shown = along(left[0])[:, 0]
     changes: list[int] = []
     while len(changes) < most:
-        shown = _along(spans, step, spread(left[-1][:, None]))[:, 0]
         gains = np.where(possible & (beside > _OWN * free), shown**2 / np.maximum(beside, 1e-300), 0.0)
         best = int(np.argmax(gains))
         if gains[best] < price:
@@ -270,19 +271,26 @@ def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple
         column /= np.linalg.norm(column)
         base = np.column_stack([base, column])
         left.append(left[-1] - column * (column @ left[-1]))
-        beside = beside - _along(spans, step, spread(column[:, None]))[:, 0] ** 2
+        taken, shown = along(column, left[-1]).T
+        beside = beside - taken**2
         possible[max(0, best - _SHORTEST + 1) : best + _SHORTEST] = False
         changes.append(int(reading[best]))
     return changes, left
 
 
-def _along(spans: Sequence[slice], step: Vector, courses: Matrix) -> Matrix:
-    """Products of courses with a change of 1 at every place, by Fourier transforms; shape as `courses`."""
+def _transformed(spans: Sequence[slice], step: Vector) -> list[Vector]:
+    """For each span the conjugate Fourier transform of a change of 1 at its start, twice as long as it."""
+    lengths = [span.stop - span.start for span in spans]
+    return [np.conj(fft.rfft(step[:n], fft.next_fast_len(2 * n, real=True)))[:, None] for n in lengths]
+
+
+def _along(spans: Sequence[slice], turned: Sequence[Vector], courses: Matrix) -> Matrix:
+    """Products of courses with a change of 1, so `_transformed`, at every place; shape as `courses`."""
     parts = []
-    for span in spans:
+    for span, change in zip(spans, turned, strict=True):
         length = span.stop - span.start
         n = fft.next_fast_len(2 * length, real=True)
-        bins = fft.rfft(courses[span], n, axis=0) * np.conj(fft.rfft(step[:length], n))[:, None]
+        bins = fft.rfft(courses[span], n, axis=0) * change
         parts.append(fft.irfft(bins, n, axis=0)[:length])
     return np.concatenate(parts)
 

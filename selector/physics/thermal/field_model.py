@@ -104,17 +104,17 @@ def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
         if sensor.name not in anywhere and (sensor.at or sensor.name) not in SENSORS:
             _refuse_name("place", sensor.at or sensor.name, list(SENSORS), ("sensors", number, "at"))
     machine = field_of(file, laws)
-    full = machine.full
+    read = machine.full.displacements
     for number, gauge in enumerate(file.gauges):
-        if (gauge.of or gauge.name) not in full.displacements:
-            _refuse_name("displacement", gauge.of or gauge.name, list(full.displacements), ("gauges", number, "of"))
+        if (gauge.of or gauge.name) not in read:
+            _refuse_name("displacement", gauge.of or gauge.name, list(read), ("gauges", number, "of"))
+    probes = dict(machine.system.probes)
     for number, sensor in enumerate(file.sensors):
         place = anywhere.get(sensor.name)
         if place is not None:
             row = row_at(machine.mesh, place, ("sensors", number, "xyz"))
-            beside = np.zeros(full.size - len(row))
-            full = dataclasses.replace(full, probes={**full.probes, sensor.name: np.r_[row, beside]})
-    return dataclasses.replace(machine, full=full).system
+            probes[sensor.name] = machine.basis.T @ np.r_[row, np.zeros(machine.full.size - len(row))]
+    return dataclasses.replace(machine.system, probes=probes)
 
 
 @functools.lru_cache(maxsize=1)
@@ -127,9 +127,12 @@ def field_of(file: FieldFile, laws: Laws) -> VirtualMachine:
     """The machine that `system_of` reduces, with the shipped thermometers; at once after it."""
     settings = file.field
     machine = _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
-    # other film coefficients ask for other fields
-    basis = machine.basis if laws.films == machine.laws.films else reduced_basis(machine.full, film_sets(laws))
-    return dataclasses.replace(machine, laws=laws, basis=basis)
+    if laws.films != machine.laws.films:
+        # other film coefficients ask for other fields
+        return dataclasses.replace(machine, laws=laws, basis=reduced_basis(machine.full, film_sets(laws)))
+    found = dataclasses.replace(machine, laws=laws)
+    vars(found)["system"] = machine.system
+    return found
 
 
 def _require_known(names: Iterable[str], known: list[str], what: str, *section: str) -> None:

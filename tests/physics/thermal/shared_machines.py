@@ -43,8 +43,11 @@ def from_folder(folder: Path, kind: str, key: object, made: Callable[[], Virtual
             machine: VirtualMachine = pickle.loads(path.read_bytes())
             return machine
         machine = made()
+        kept = replace(machine, elastic=None)
+        # reduced once for all that read it: what is cached in an object is pickled with it
+        assert kept.system is kept.system
         draft = path.with_suffix(f".{os.getpid()}")
-        draft.write_bytes(pickled(replace(machine, elastic=None)))
+        draft.write_bytes(pickled(kept))
         draft.replace(path)
     return machine
 

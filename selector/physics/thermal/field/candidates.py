@@ -176,15 +176,14 @@ class _Free:
 
     def room(self, points_m: Vector, axis: int, side: int) -> Mask:
         """Which feet on a wall have `ROOM_M` of air in front of them, above the floor."""
-        free = np.ones(len(points_m), dtype=np.bool_)
         across = [other for other in range(3) if other != axis]
-        for depth in np.arange(0.005, ROOM_M, 0.005):
-            for corner in ((0, 0), *_CORNERS):
-                ahead = points_m.copy()
-                ahead[:, axis] += side * depth
-                ahead[:, across] += (FOOT_M / 2 - 1e-6) * np.array(corner)
-                free &= ~self.solid[tuple(self._cell(ahead).T)] & (ahead[:, 2] > 0)
-        return free
+        depths = np.arange(0.005, ROOM_M, 0.005)[:, None]
+        ahead = np.tile(points_m[:, None, None], (1, len(depths), 1 + len(_CORNERS), 1))
+        ahead[..., axis] += side * depths
+        ahead[..., across] += (FOOT_M / 2 - 1e-6) * np.array([(0, 0), *_CORNERS])
+        flat = ahead.reshape(-1, 3)
+        free = ~self.solid[tuple(self._cell(flat).T)] & (flat[:, 2] > 0)
+        return np.asarray(free.reshape(ahead.shape[:3]).all(axis=(1, 2)))
 
     def _cell(self, points_m: Vector) -> NDArray[np.int64]:
         """Numbers of the cell (n, 3) that points are in; 0 and the last are outside."""
