@@ -74,7 +74,10 @@ def noise_model(residual: Vector, parts: list[slice], *, lost: int = 0, rounding
         if score < best[0] - 1e-9:
             best = (score, phi, float(np.sqrt(variance)))
     phi = best[1]
-    left = np.concatenate([_predicted(part[:, None], phi)[len(phi) :, 0] for part in filled])
+    rest = [part[:, None].copy() for part in filled]
+    for part in rest:
+        _take_off(part, phi)
+    left = np.concatenate([part[len(phi) :, 0] for part in rest])
     sd = float(np.sqrt(np.mean(left**2) * len(left) / max(len(left) - lost, 1)))
     return NoiseModel(phi, max(sd, rounding, 1e-300))
 
@@ -84,12 +87,15 @@ def whitened(model: NoiseModel, values: Matrix, parts: list[slice]) -> Matrix:
 
     Rows outside the stretches and the first rows of each, which have no past, are 0: they say nothing.
     """
-    order = len(model.phi)
+    order, phi = len(model.phi), np.array(model.phi)
     result = np.zeros(values.shape)
     for part in parts:
-        block = _predicted(values[part], model.phi)
+        block = result[part]
+        block[:] = values[part]
+        if order:
+            _take_off(block, phi)
         block[:order] = 0.0
-        result[part] = block / model.sd
+        block /= model.sd
     return result
 
 
@@ -99,14 +105,6 @@ def with_past(model: NoiseModel, parts: Sequence[slice], n_rows: int) -> Mask:
     for part in parts:
         told[part.start + len(model.phi) : part.stop] = True
     return told
-
-
-def _predicted(values: Matrix, phi: Vector) -> Matrix:
-    """Values less what an autoregression predicts from those before; the first rows stay."""
-    result = np.array(values, dtype=np.float64, order="C")
-    if len(phi):
-        _take_off(result, np.array(phi, dtype=np.float64))
-    return result
 
 
 @njit(cache=True, nogil=True)

@@ -121,7 +121,9 @@ class Bench:
         for first in range(0, len(self.candidates), _AT_ONCE):
             some = self.candidates[first : first + _AT_ONCE]
             columns = slice(some[0].columns.start, some[-1].columns.stop)
-            raw = np.column_stack([one.variant.columns for one in some]) / self.scales[columns]
+            raw = np.empty((len(self.target), columns.stop - columns.start))
+            np.concatenate([one.variant.columns for one in some], axis=1, out=raw)
+            raw /= self.scales[columns]
             result[:, columns] = whitened(self.noise, raw, self.parts)[self.rows]
         return self._single(result)
 
