@@ -1,3 +1,4 @@
-"""Pages are tried in one browser."""
+"""Pages are tried in one browser; machines of finite elements are made once in a run of the suite."""
 
 from tests.chromium import browser as browser
+from tests.physics.thermal.shared_machines import shared_machines as shared_machines
