@@ -423,7 +423,7 @@ def test_mtconnect_is_read_and_what_is_unavailable_is_missing(tmp_path, agent):
 def test_mtconnect_has_no_document_type_in_any_encoding(agent, encoding):
     head = f'<?xml version="1.0" encoding="{encoding}"?><!DOCTYPE x [<!ENTITY a "21.5">]>'
     agent.broken = f'{head}<MTConnectStreams><S dataItemId="T1">&a;</S></MTConnectStreams>'.encode(encoding)
-    link = MTConnectLink(Connection(kind="mtconnect", url=agent.url, timeout_s=5.0))
+    link = MTConnectLink(Connection(kind="mtconnect", url=agent.url, timeout_s=60.0))
     with pytest.raises(ValueError, match="document type"):
         asyncio.run(link.read(["T1"]))
 
@@ -431,7 +431,7 @@ def test_mtconnect_has_no_document_type_in_any_encoding(agent, encoding):
 def test_mtconnect_history_is_read_page_by_page(agent):
     for second in range(30):
         agent.observe(second, "T1", str(20.0 + second))
-    link = MTConnectLink(Connection(kind="mtconnect", url=agent.url, timeout_s=5.0))
+    link = MTConnectLink(Connection(kind="mtconnect", url=agent.url, timeout_s=60.0))
     begun_s = 1772359200.0  # 2026-03-01T10:00:00Z
     found = asyncio.run(link.history(["T1"], begun_s + 5.0, begun_s + 24.0))
     assert found == {"T1": [(begun_s + s, 20.0 + s) for s in range(5, 25)]}

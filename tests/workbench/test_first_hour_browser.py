@@ -17,6 +17,7 @@ from selector.workbench.bench import Bench
 from selector.workbench.page import PAGES
 from selector.workbench.pages import simulation
 from selector.workbench.server import started
+from tests.patience import wait_for
 
 api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
@@ -295,13 +296,12 @@ def test_a_stretch_is_marked_in_all_pictures_of_a_diagnosis(page, bench):
     page.mouse.down()
     page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"], steps=4)
     page.mouse.up()
-    page.wait_for_timeout(500)
-    assert plots.evaluate_all(shapes) == [1] * plots.count()
+    wait_for(lambda: plots.evaluate_all(shapes) == [1] * plots.count())
     plots.first.focus()
     page.keyboard.press("Escape")
-    assert plots.evaluate_all(shapes) == [0] * plots.count()
+    wait_for(lambda: plots.evaluate_all(shapes) == [0] * plots.count())
     page.keyboard.press("ArrowRight")
-    assert plots.evaluate_all(shapes) == [1] * plots.count()
+    wait_for(lambda: plots.evaluate_all(shapes) == [1] * plots.count())
 
 
 @pytest.mark.parametrize("width", [1280, 800])
@@ -364,7 +364,7 @@ def test_no_page_is_wider_than_the_window(page, bench, example):
         for width in (1280, 800):
             page.set_viewport_size({"width": width, "height": 900})
             with contextlib.suppress(api.TimeoutError):  # pictures follow the window when they are drawn again
-                page.wait_for_function("document.documentElement.scrollWidth <= innerWidth", timeout=20_000)
+                page.wait_for_function("document.documentElement.scrollWidth <= innerWidth", timeout=PATIENCE_MS)
             found[one.ID, width] = page.evaluate("document.documentElement.scrollWidth")
     assert {at: wide for at, wide in found.items() if wide > at[1]} == {}
     assert len(found) == 2 * len(PAGES)

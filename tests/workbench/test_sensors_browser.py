@@ -64,8 +64,11 @@ def page(browser, bench):
 
 def point(page, name, trace, number, axis="xaxis"):
     page.locator(f"#sensors-{name}").scroll_into_view_if_needed()
-    page.wait_for_timeout(300)
-    return page.evaluate(POINT, [name, trace, number, axis])
+    before = None
+    while (now := page.evaluate(POINT, [name, trace, number, axis])) != before:
+        before = now
+        page.wait_for_timeout(300)
+    return now
 
 
 def test_the_keyboard_moves_groups_errors_and_command_together(page, bench):

@@ -51,7 +51,7 @@ def test_stages_lags_and_delays_are_those_of_the_closed_form(lag_s, delay_s, fir
     """Allowance and voltage of each stage by their formulas, one after the other, crossings by brentq."""
     grinding = Grinding(60.0, (Stage(first, 30.0), Stage(second, 2.0)), lag_s=lag_s)
     setup = set_up(grinding, relay=Relay(delay_s), gauge=replace(GAUGE, time_constant_s=filter_s))
-    sizes = finished_sizes(setup, 1)
+    sizes = finished_sizes(setup, 1, steps=4 * steps_per_filter(setup))
     gauge = setup.gauge
     x, y, r, now, at_once = 60.0, gauge.bias_v + gauge.gain_v_per_um * 60.0, 0.0, 0.0, False
     for stage, volts in zip(grinding.stages, setup.thresholds_v, strict=True):
@@ -69,11 +69,11 @@ def test_stages_lags_and_delays_are_those_of_the_closed_form(lag_s, delay_s, fir
         left = math.exp(-over / lag_s) if lag_s > 0 else 0.0
         r = stage.feed_um_per_s + (start[2] - stage.feed_um_per_s) * left
         now += over
-    # input taken straight over a step of at most an eighth of T_Φ and lag, where it bends by exp(−t/lag): some
-    # (h/lag)²/12 of what the lag still changes, 40 µm/s · 0.03 s
-    assert sizes.size_um[0] == pytest.approx(x - lag_s * r, abs=2e-3)
+    # input taken straight over a step h of at most a 32nd of T_Φ and lag, where it bends by exp(−t/lag): (h/lag)²/12 of
+    # what the lag still changes, at most 40 µm/s · 0.4 s with h = 0.3 s / 32
+    assert sizes.size_um[0] == pytest.approx(x - lag_s * r, abs=8e-4)
     # the same over the slowest feed
-    assert sizes.duration_s[0] == pytest.approx(now, abs=6e-3)  # 0.0042 s at the slowest of some thousand draws
+    assert sizes.duration_s[0] == pytest.approx(now, abs=1.5e-3)
     assert bool(sizes.at_once[0]) == at_once
 
 
