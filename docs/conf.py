@@ -33,6 +33,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
+autodoc_use_type_comments = False  # there are none, and every source would be parsed once more for them
 autodoc_default_options = {
     "members": True,
     "exclude-members": "set_fit_request, set_predict_request, set_score_request",

@@ -267,8 +267,7 @@ def _beside_switches(state: _State) -> _State:
         return switched(comparison, name, bench.target, bench.raw_base(of), bench.resolution)
 
     for name in found.benches:
-        beside = asked(name, tuple(numbers(found.named, name)))
-        alone = asked(name, ()) if beside else None
+        alone = asked(name, ()) if asked(name, tuple(numbers(found.named, name))) else None
         if alone is not None and not is_small(comparison, found, name, float(np.std(alone.course))):
             switches[name] = alone
     if not switches:

@@ -74,10 +74,8 @@ def noise_model(residual: Vector, parts: list[slice], *, lost: int = 0, rounding
         if score < best[0] - 1e-9:
             best = (score, phi, float(np.sqrt(variance)))
     phi = best[1]
-    rest = [part[:, None].copy() for part in filled]
-    for part in rest:
-        _take_off(part, phi)
-    left = np.concatenate([part[len(phi) :, 0] for part in rest])
+    plain = NoiseModel(phi, 1.0)
+    left = whitened(plain, whole[:, None], parts)[with_past(plain, parts, len(whole)), 0]
     sd = float(np.sqrt(np.mean(left**2) * len(left) / max(len(left) - lost, 1)))
     return NoiseModel(phi, max(sd, rounding, 1e-300))
 

@@ -1,6 +1,6 @@
 """Whether an unrecorded switch did what is left, when and how quickly; when and where all that is told acts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from functools import cached_property
@@ -239,21 +239,18 @@ def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple
     reading = np.full(spans[-1].stop, -1)
     reading[at] = np.arange(n)
     seen, step = reading >= 0, _risen(record.period_s * np.arange(1, spans[-1].stop + 1), lags_s)
-    turned = _transformed(spans, step)
+    products = _along(spans, step)
 
     def along(*courses: Vector) -> Matrix:
         grid = np.zeros((len(reading), len(courses)))
         grid[at] = np.column_stack(courses)
-        return _along(spans, turned, grid)
+        return products(grid)
 
     possible = seen.copy()
     for part in record.runs:
-        for edge in (
-            slice(part.start, part.start + _SHORTEST),
-            slice(max(part.start, part.stop - _SHORTEST), part.stop),
-        ):
-            possible[at[edge]] = False
-    free = _along(spans, _transformed(spans, step**2), seen.astype(np.float64)[:, None])[:, 0]
+        places = at[part]
+        possible[np.r_[places[:_SHORTEST], places[-_SHORTEST:]]] = False
+    free = _along(spans, step**2)(seen.astype(np.float64)[:, None])[:, 0]
     beside = free - np.sum(along(*base.T) ** 2, axis=1)
     shown = along(left[0])[:, 0]
     changes: list[int] = []
@@ -278,21 +275,17 @@ def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple
     return changes, left
 
 
-def _transformed(spans: Sequence[slice], step: Vector) -> list[Vector]:
-    """For each span the conjugate Fourier transform of a change of 1 at its start, twice as long as it."""
-    lengths = [span.stop - span.start for span in spans]
-    return [np.conj(fft.rfft(step[:n], fft.next_fast_len(2 * n, real=True)))[:, None] for n in lengths]
+def _along(spans: Sequence[slice], step: Vector) -> Callable[[Matrix], Matrix]:
+    """Courses (n_places, k) → their products with a change of 1 at every place, by Fourier transforms."""
+    sizes = [(n := span.stop - span.start, fft.next_fast_len(2 * n, real=True)) for span in spans]
+    turned = [np.conj(fft.rfft(step[:n], width))[:, None] for n, width in sizes]
 
+    def products(courses: Matrix) -> Matrix:
+        bins = [fft.rfft(courses[span], width, axis=0) for span, (_, width) in zip(spans, sizes, strict=True)]
+        parts = zip(bins, turned, sizes, strict=True)
+        return np.concatenate([fft.irfft(one * change, width, axis=0)[:n] for one, change, (n, width) in parts])
 
-def _along(spans: Sequence[slice], turned: Sequence[Vector], courses: Matrix) -> Matrix:
-    """Products of courses with a change of 1, so `_transformed`, at every place; shape as `courses`."""
-    parts = []
-    for span, change in zip(spans, turned, strict=True):
-        length = span.stop - span.start
-        n = fft.next_fast_len(2 * length, real=True)
-        bins = fft.rfft(courses[span], n, axis=0) * change
-        parts.append(fft.irfft(bins, n, axis=0)[:length])
-    return np.concatenate(parts)
+    return products
 
 
 def _innovation(record: _Record, left: Vector) -> float:

@@ -110,9 +110,8 @@ def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
             _refuse_name("displacement", gauge.of or gauge.name, list(read), ("gauges", number, "of"))
     probes = dict(machine.system.probes)
     for number, sensor in enumerate(file.sensors):
-        place = anywhere.get(sensor.name)
-        if place is not None:
-            row = row_at(machine.mesh, place, ("sensors", number, "xyz"))
+        if sensor.name in anywhere:
+            row = row_at(machine.mesh, anywhere[sensor.name], ("sensors", number, "xyz"))
             probes[sensor.name] = machine.basis.T @ np.r_[row, np.zeros(machine.full.size - len(row))]
     return dataclasses.replace(machine.system, probes=probes)
 

@@ -172,23 +172,21 @@ class _Free:
     def __init__(self, body: SolidMesh) -> None:
         self.lines = [np.unique(body.nodes_m[:, axis]) for axis in range(3)]
         self.solid = np.zeros([len(line) + 1 for line in self.lines], dtype=np.bool_)
-        self.solid[tuple(self._cell((body.low_m + body.high_m) / 2).T)] = True
+        self.solid[self._cells((body.low_m + body.high_m) / 2)] = True
 
     def room(self, points_m: Vector, axis: int, side: int) -> Mask:
         """Which feet on a wall have `ROOM_M` of air in front of them, above the floor."""
-        across = [other for other in range(3) if other != axis]
         depths = np.arange(0.005, ROOM_M, 0.005)[:, None]
         ahead = np.tile(points_m[:, None, None], (1, len(depths), 1 + len(_CORNERS), 1))
         ahead[..., axis] += side * depths
-        ahead[..., across] += (FOOT_M / 2 - 1e-6) * np.array([(0, 0), *_CORNERS])
+        ahead[..., [one for one in range(3) if one != axis]] += (FOOT_M / 2 - 1e-6) * np.array([(0, 0), *_CORNERS])
         flat = ahead.reshape(-1, 3)
-        free = ~self.solid[tuple(self._cell(flat).T)] & (flat[:, 2] > 0)
+        free = ~self.solid[self._cells(flat)] & (flat[:, 2] > 0)
         return np.asarray(free.reshape(ahead.shape[:3]).all(axis=(1, 2)))
 
-    def _cell(self, points_m: Vector) -> NDArray[np.int64]:
-        """Numbers of the cell (n, 3) that points are in; 0 and the last are outside."""
-        pairs = zip(self.lines, points_m.T, strict=True)
-        return np.stack([np.searchsorted(line, values) for line, values in pairs], axis=1)
+    def _cells(self, points_m: Vector) -> tuple[NDArray[np.int64], ...]:
+        """Numbers along X, Y, Z of the cells that points (n, 3) are in; 0 and the last are outside."""
+        return tuple(np.searchsorted(line, values) for line, values in zip(self.lines, points_m.T, strict=True))
 
 
 def _refuse(found: str, expected: str, advice: str) -> None:
