@@ -62,6 +62,20 @@ def model(record, fitted_once):
 
 
 @pytest.fixture(scope="module")
+def three_speeds():
+    """Tests of a machine in a hall of one temperature, each from rest."""
+    machine = modal_machine([600.0, 4000.0], [[25.0, -8.0, 4.0], [35.0, 25.0, 8.0]], [1.2, 1.3])
+    return recorded(machine, np.random.default_rng(4), 0.2, 60.0, heat_and_cool((800.0, 1250.0, 2000.0)))
+
+
+@pytest.fixture(scope="module")
+def one_response(three_speeds):
+    """The first response of these tests, which is enough where all would do, and its model."""
+    tests = [replace(one, displacement_um=one.displacement_um[:, :1]) for one in three_speeds]
+    return tests, driven_model(tests, RESPONSES[:1], whatever=True)
+
+
+@pytest.fixture(scope="module")
 def wandering():
     test, end = long_record(np.random.default_rng(2), walk_um=0.5)
     return driven_model([test], PAIR), end
@@ -146,10 +160,8 @@ def test_the_claimed_error_is_that_of_unseen_duty_cycles(model, record, wanderin
     assert np.max(ratios) < 1.5
 
 
-def test_without_a_hall_and_long_runs_nothing_changes():
-    rng = np.random.default_rng(4)
-    machine = modal_machine([600.0, 4000.0], [[25.0, -8.0, 4.0], [35.0, 25.0, 8.0]], [1.2, 1.3])
-    tests = recorded(machine, rng, 0.2, 60.0, heat_and_cool((800.0, 1250.0, 2000.0)))
+def test_without_a_hall_and_long_runs_nothing_changes(three_speeds):
+    tests = three_speeds
     assert driven_model(tests, RESPONSES) is None
     still = [replace(test, ambient_degc=np.full(len(test.time_s), 21.0), ambients=("hall",)) for test in tests]
     assert driven_model(still, RESPONSES) is None
@@ -252,27 +264,19 @@ def test_where_gauge_and_thermometer_stood_at_first_does_not_matter(record, mode
     np.testing.assert_allclose(there, here, atol=1e-9)  # roundings
 
 
-def test_runs_with_zeros_of_their_own_are_as_one_zero():
-    rng = np.random.default_rng(4)
-    machine = modal_machine([600.0, 4000.0], [[25.0, -8.0, 4.0], [35.0, 25.0, 8.0]], [1.2, 1.3])
-    tests = recorded(machine, rng, 0.2, 60.0, heat_and_cool((800.0, 1250.0, 2000.0)))
-    # one response is enough
-    tests = [replace(one, displacement_um=one.displacement_um[:, :1]) for one in tests]
+def test_runs_with_zeros_of_their_own_are_as_one_zero(one_response):
+    tests, model = one_response
     moved = [replace(one, displacement_um=one.displacement_um + 100.0 * k) for k, one in enumerate(tests)]
     cycle = of_segments((60, 1000.0), (30, 0.0))
     time = np.linspace(0.0, cycle.end_s, 50)
-    one, other = (driven_model(runs, RESPONSES[:1], whatever=True) for runs in (tests, moved))
-    here, there = (model.displacement_um(cycle, time, None, follows=False) for model in (one, other))
+    other = driven_model(moved, RESPONSES[:1], whatever=True)
+    here, there = (one.displacement_um(cycle, time, None, follows=False) for one in (model, other))
     np.testing.assert_allclose(there, here, atol=1e-9)  # roundings
 
 
-def test_a_claim_is_nearer_to_the_larger_of_what_tests_were_off_and_what_the_fit_expects():
+def test_a_claim_is_nearer_to_the_larger_of_what_tests_were_off_and_what_the_fit_expects(one_response):
     """Two thirds of the way, by ratio; of few tests, whose errors say little, so much more."""
-    rng = np.random.default_rng(4)
-    machine = modal_machine([600.0, 4000.0], [[25.0, -8.0, 4.0], [35.0, 25.0, 8.0]], [1.2, 1.3])
-    tests = recorded(machine, rng, 0.2, 60.0, heat_and_cool((800.0, 1250.0, 2000.0)))
-    model = driven_model([replace(one, displacement_um=one.displacement_um[:, :1]) for one in tests], RESPONSES[:1],
-                         whatever=True)  # fmt: skip
+    _, model = one_response
     cycle = of_segments((60, 1000.0), (30, 0.0))
     time = np.linspace(0.0, cycle.end_s, 50)
 
