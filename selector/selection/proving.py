@@ -20,7 +20,7 @@ from selector.recording import RunSource
 from selector.selection.candidates import LINEAR, Candidates
 from selector.selection.choice import Choice, Offer, Trial, library_requests
 from selector.selection.fitting import Part, predictions, refined
-from selector.selection.library import Bench, Library, Shape, library_of
+from selector.selection.library import Bench, Library, Shape, key_of, library_of
 from selector.selection.options import Question
 from selector.selection.result import Proof, RunProof, Trace
 from selector.types import Indices
@@ -225,6 +225,12 @@ class Folds:
         if list(static) == [LINEAR] and not lagged:
             return self.linear
         return self._compared(library_requests(self.question, found, static, lagged))
+
+    def memory_gb(self, found: Sequence[Candidates], static: Sequence[Shape], lagged: Sequence[Shape]) -> float:
+        """About what a choice among these terms takes [10⁹ bytes], as measured (docs/decisions/0014-fleets.md)."""
+        asked, speeds = library_requests(self.question, found, static, lagged), self.question.speeds
+        terms = {key_of(term) for sensors, shape in asked for term in shape.terms(sensors, speeds)}
+        return 0.05 + 32e-9 * len(self.all) * len(terms) ** 2
 
     def bench_of_all_sensors(self, shape: Shape) -> Bench:
         """The terms that all sensors bring in a shape, on all folds."""

@@ -82,7 +82,8 @@ def select(
     found_all = candidates(question, folds.linear_bench(None))
     found = [candidates(question, folds.linear_bench(group)) for group in folds.outer]
     static, lagged = shapes_on_offer(question, surveyed.period_s, surveyed.duration_s)
-    say("forming terms", 0.3)
+    memory_gb = folds.memory_gb([found_all, *found], static, lagged)
+    say("forming terms" + f", which take about {memory_gb:.1f} GB of memory" * (memory_gb >= 1.0), 0.3)
     library = folds.library([found_all, *found], static, lagged)
     say("choosing sensors", 0.4)
     all_trials = tested(question, found_all, Bench.of(library, folds.all), static, lagged)

@@ -114,6 +114,9 @@ def test_choices_that_are_kept_hold_no_cross_products_of_single_folds():
     kept = [
         choice.tested(question, found, Bench.of(library, folds.without(group)), static, lagged) for group in folds.outer
     ]
+    # four times the cross-products, as measured (docs/decisions/0014-fleets.md)
+    told_gb = folds.memory_gb([found], static, lagged) - 0.05
+    assert told_gb == pytest.approx(4e-9 * library.moments.products.nbytes, rel=0.2)
     size = library.moments.whole.nbytes
     for one in kept:
         assert one.bench.leave_one_out.products is library.moments.products
@@ -125,3 +128,11 @@ def test_choices_that_are_kept_hold_no_cross_products_of_single_folds():
     assert all(len(one.trials) > 3 and len(one.bench.samples) == 7 for one in kept)
     errors = held_out(library, folds.outer, [SimpleNamespace(trial=one.trials[0]) for one in kept])
     assert errors.n_samples.base is None  # a view would hold those of all folds, once for every plan
+
+
+@pytest.mark.parametrize(("gb", "told"), [(0.99, ""), (2.34, ", which take about 2.3 GB of memory")])
+def test_much_memory_is_told_before_it_is_taken(monkeypatch, gb, told):
+    said = []
+    monkeypatch.setattr(Folds, "memory_gb", lambda *_: gb)
+    select(short_runs(8), progress=lambda what, _share: said.append(what))
+    assert f"forming terms{told}" in said
