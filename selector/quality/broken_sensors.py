@@ -253,9 +253,11 @@ def frozen(survey: Survey) -> Iterator[Finding]:
             run: _noise_beside(survey, run, column, still, (still.length >= _LEAST) & np.isin(still.value, extremes))
             for run, still in stills.items()
         }
-        for run, still in stills.items():
+        noises = np.concatenate([np.empty(0), *clear.values()])
+        of_run = np.repeat(np.arange(len(clear)), [noise.size for noise in clear.values()])
+        for k, (run, still) in enumerate(stills.items()):
             if int(still.length.max()) >= 4:
-                yield from _frozen_in(survey, run, column, still, clear, extremes, rails)
+                yield from _frozen_in(survey, run, column, still, noises[of_run != k], extremes, rails)
 
 
 def _frozen_in(
@@ -263,15 +265,14 @@ def _frozen_in(
     run: str,
     column: int,
     still: Still,
-    clear: dict[str, Floats],
+    elsewhere_noise: Floats,
     extremes: tuple[float, float],
     rails: list[float],
 ) -> Iterator[Finding]:
     series, quantum = survey.series(run, column), survey.quantum(column, run)
     length = still.length
     aside = (length >= max(_LEAST, int(length.max()) // 4)) | ((length >= _LEAST) & np.isin(still.value, extremes))
-    blocks = [noise for other, noise in clear.items() if other != run]
-    every = np.concatenate([*blocks, _noise_beside(survey, run, column, still, aside)])
+    every = np.concatenate([elsewhere_noise, _noise_beside(survey, run, column, still, aside)])
     noise = float(np.quantile(every, 0.2)) if every.size >= 4 else None
     if noise is None or noise < _ABOVE_ROUNDING * quantum or noise == 0.0:
         return
