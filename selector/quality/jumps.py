@@ -399,7 +399,7 @@ def _spike_samples(series: Series, candidates: Ints, widest: float) -> list[tupl
 
 def _level_shifts(series: Series, candidates: Ints, noise: float) -> list[Jump]:
     x, time, found = series.x, series.time_s, []
-    period = series.period_s
+    period = float(np.median(np.diff(time))) if len(candidates) else 0.0
     for i in candidates:
         left = slice(max(0, i + 1 - _REACH), i + 1)
         right = slice(i + 1, min(x.size, i + 1 + _REACH))

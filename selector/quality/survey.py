@@ -35,11 +35,6 @@ class Series:
     x: Floats
     rows: Ints
 
-    @property
-    def period_s(self) -> float:
-        """Median distance of two samples [s]; 0 for fewer than two."""
-        return float(np.median(np.diff(self.time_s))) if self.time_s.size > 1 else 0.0
-
 
 @dataclass(frozen=True)
 class Scale:
@@ -76,6 +71,7 @@ class Survey:
         # channels as rows: every check walks along time
         self.values = {run: np.array(recording.values(run, recording.names).T, order="C") for run in self.runs}
         self._scales: dict[tuple[str, int], Scale] = {}
+        self._quanta: dict[int, float] = {}
         self._columns: dict[tuple[str, ...], list[int]] = {}
 
     def columns(self, *roles: str) -> list[int]:
@@ -106,8 +102,10 @@ class Survey:
         """Resolution of a channel: in a run, or the median over its runs when it hardly moves there [unit]."""
         if run is not None and self.scale(run, column).distinct > 5:
             return self.scale(run, column).quantum
-        steps = [s.quantum for s in (self.scale(run, column) for run in self.runs) if s.distinct > 1]
-        return float(np.median(steps)) if steps else 0.0
+        if column not in self._quanta:
+            steps = [s.quantum for s in (self.scale(run, column) for run in self.runs) if s.distinct > 1]
+            self._quanta[column] = float(np.median(steps)) if steps else 0.0
+        return self._quanta[column]
 
     def found_by(self, checks: Iterable[Callable[["Survey"], Iterable[Finding]]]) -> list[Finding]:
         """What checks find, one after the other; what one leaves out is blank for the next."""
@@ -130,6 +128,7 @@ class Survey:
                     if finding.where.channel in (None, channel.name):
                         self.values[run][column, rows] = np.nan
                         self._scales.pop((run, column), None)
+                        self._quanta.pop(column, None)
 
 
 def scale_of(x: Floats) -> Scale:
