@@ -428,11 +428,9 @@ def driven_runs(
         time_s = recording.time_s(run)
         of_run = None if seed is None else seed_of_run(seed, run)
         read, about = model.readings(drive.conditions, time_s, run=run, seed=of_run, instruments=seed is not None)
-        index, columns = pd.Index(time_s, name="time_s"), [matched[name].name for name in outputs]
-        table = pd.DataFrame(np.column_stack([read[name] for name in outputs]), index, columns=columns)
-        for channel, name in names.items():
-            table[channel] = held_at(drive.conditions, name, time_s)
-        runs[run] = table
+        courses = {matched[name].name: read[name] for name in outputs}
+        courses |= {channel: held_at(drive.conditions, name, time_s) for channel, name in names.items()}
+        runs[run] = pd.DataFrame(courses, pd.Index(time_s, name="time_s"))
         told[run] = about["runs"][run]
         provenance = {**about, "runs": told}
     acting = ((recording.channel(channel), name) for channel, name in used.items())
