@@ -113,15 +113,13 @@ def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float
         return array * 60.0
     if unit == "rpm" and to == "Hz":
         return array / 60.0
-    registry = _registry()
-    try:
-        quantity: Any = registry.Quantity(array, unit)
-        found = np.asarray(quantity.to(to).magnitude, dtype=np.float64)
-    except pint.DimensionalityError as error:
+    if not same_dimension(unit, to):
         raise UnitError(
             f"{unit} cannot be converted to {to}", expected=f"a unit with the dimension of {to}",
             where="unit conversion", advice="correct the unit in the machine file",
-        ) from error  # fmt: skip
+        )  # fmt: skip
+    quantity: Any = _registry().Quantity(array, unit)
+    found = np.asarray(quantity.to(to).magnitude, dtype=np.float64)
     return _on_decimals(found, _THROUGH_K if to in ("degC", "degF") else 0.0)
 
 
