@@ -1,7 +1,7 @@
 """Labelled, unit-carrying, immutable recordings of one or more runs; a simulation is held in the same type."""
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
@@ -60,6 +60,12 @@ def no_channel(name: str, names: Iterable[str]) -> RecordingError:
     advice = "correct the name, or list the channels with `selector describe`"
     expected = "one of " + ", ".join(names)
     return RecordingError(f"no channel {name!r}", expected=expected, where="recording", advice=advice)
+
+
+def of_axis(name: str, channels: Sequence[Channel]) -> str:
+    """The name itself; if no channel is called so, that of the one displacement along the axis of this name."""
+    along = [one.name for one in channels if one.role == "displacement" and one.axis == name.upper()]
+    return along[0] if len(along) == 1 and all(one.name != name for one in channels) else name
 
 
 @dataclass(frozen=True)

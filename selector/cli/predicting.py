@@ -16,6 +16,7 @@ from selector.cli.shared.option_table import option
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.errors import Misfit, OptionError, refuse
+from selector.recording import of_axis
 
 if TYPE_CHECKING:
     from selector.controllers.timed_program import TimedProgram
@@ -153,7 +154,7 @@ def predict(
     reading = source.reading()
     if out is not None:
         refuse_folder_of_inputs(out, [file for file, _ in reading.files])
-    wanted, day = tuple(asked.response or ()), None
+    wanted, day = tuple(of_axis(name, reading.recording.channels) for name in asked.response or ()), None
     if asked.readings is not None:
         wanted = wanted or reading.recording.with_role("displacement")
         overrides = replace(source.overrides(), partial=True)

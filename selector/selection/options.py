@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from selector.errors import Misfit, OptionError, refuse
 from selector.models.design import Form, ListedTerms, Reference
-from selector.recording import SENSOR_ROLES, RunSource
+from selector.recording import SENSOR_ROLES, RunSource, of_axis
 
 if TYPE_CHECKING:
     from selector.models.formula import Formula
@@ -196,12 +196,6 @@ class Question:
         return max(self.options.max_sensors, len(self.needed))
 
 
-def _of_axis(name: str, source: RunSource, displacements: Sequence[str]) -> str:
-    """The channel of this name; if there is none, the one displacement whose axis is called so."""
-    of_axis = [one.name for one in source.channels if one.name in displacements and one.axis == name.upper()]
-    return of_axis[0] if name not in displacements and len(of_axis) == 1 else name
-
-
 _NONE = "set roles in the file of `selector describe --write machine.toml`, or mend the faults that leave channels out"
 
 
@@ -224,7 +218,7 @@ def question_of(source: RunSource, options: Options) -> Question:
             advice=_NONE,
         )
     formula = options.asked_formula
-    asked = formula.responses if formula else [_of_axis(name, source, displacements) for name in options.responses]
+    asked = formula.responses if formula else [of_axis(name, source.channels) for name in options.responses]
     responses = list(dict.fromkeys(asked)) or displacements
     for name in responses:
         _known("--formula" if formula else "--response", name, displacements, "a displacement channel")

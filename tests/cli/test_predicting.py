@@ -613,3 +613,15 @@ def test_a_thermometer_without_readings_of_the_day(capfd):
     )  # fmt: skip
     assert code == 2
     assert "--readings" in err
+
+
+def test_a_displacement_is_asked_for_by_its_axis(capfd, tmp_path):
+    machine = tmp_path / "machine.toml"
+    text = (FIXTURES / "machine.toml").read_text(encoding="utf-8")
+    machine.write_text(text.replace("[channels.Z]", '[channels."Verlagerung Z"]\ncolumn = "Z"'), encoding="utf-8")
+    code, text, err = run(
+        capfd, FIXTURES / "tests", "--machine", machine, "--response", "Z", "--cycle", CYCLES / "rising.csv",
+        "--method", "piecewise", "--json",
+    )  # fmt: skip
+    assert code == 0, err
+    assert list(json.loads(text)["displacement_um"]) == ["Verlagerung Z"]

@@ -168,6 +168,16 @@ def refused(rec, sim, **options):
     return error
 
 
+def test_a_displacement_is_found_by_its_axis():
+    height = Channel("Verlagerung Z", "displacement", "um", axis="Z")
+    time = np.arange(200) * 2.0
+    rec, sim = (
+        recording({run: (time, {height.name: noisy(200, k)}) for k, run in enumerate("abc")}, (height,)) for _ in "rs"
+    )
+    for name in ("Z", "z", height.name):
+        assert comparison_of(rec, sim, responses=[name]).responses == (height.name,)
+
+
 def test_what_cannot_be_compared_is_refused():
     rec, sim = pair()
     time = rec.time_s("a")

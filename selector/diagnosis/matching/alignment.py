@@ -15,7 +15,7 @@ from selector.diagnosis.matching.usable import at_readings, rounding, without_co
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.number_text import natural_key
-from selector.recording import Recording
+from selector.recording import Recording, of_axis
 from selector.types import Mask, Matrix, Vector
 
 Rows = NDArray[np.intp]
@@ -313,7 +313,8 @@ def _common_runs(recording: Recording, simulation: Recording) -> tuple[list[str]
 
 def _common_channels(recording: Recording, simulation: Recording, responses: Sequence[str] | None) -> list[str]:
     both = [name for name in recording.names if name in simulation.names]
-    for name in responses or ():
+    chosen = list(dict.fromkeys(of_axis(name, recording.channels) for name in responses or ())) or both
+    for name in chosen:
         lacking = "recording" if name not in recording.names else "simulation" if name not in simulation.names else None
         if lacking is not None:
             raise OptionError(
@@ -329,7 +330,6 @@ def _common_channels(recording: Recording, simulation: Recording, responses: Seq
             where="simulation",
             advice="name the simulated channels as the recorded ones, or say their columns in the machine file",
         )
-    chosen = list(dict.fromkeys(responses or both))
     for name in chosen:
         one, other = recording.channel(name).role, simulation.channel(name).role
         if one != other:
