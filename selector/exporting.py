@@ -24,6 +24,7 @@ from selector.readers import Overrides, Reading, read
 from selector.telling.account import Account
 from selector.telling.commissioning import commissioning_account
 from selector.telling.page import write_account
+from selector.text_file import shell_word
 
 SCHEMA = "selector.export/1"
 SHEET = "commissioning.html"
@@ -221,7 +222,7 @@ def _limit(given: float | str, option: str, name: str) -> float:
             str(given),
             expected=f"a number above 0 and below {_LIMITS_BELOW:.0f} {unit}",
             where=f"{option} {name}",
-            advice=f"e.g. {option} {name}={example}",
+            advice=f"e.g. {option} {shell_word(name)}={example}",
         )
     return value
 

@@ -17,6 +17,7 @@ from selector.controllers.guard.vectors import MINUTE_S, START_DEGC, guard_vecto
 from selector.controllers.model_file import Fallback, Input, ModelFile, read_model, with_digest
 from selector.errors import ModelFileError
 from selector.findings import Finding, Level, Where
+from selector.text_file import shell_word
 from selector.types import Array
 
 DAY_S = 86_400.0
@@ -109,7 +110,7 @@ def _too_slow(model: ModelFile) -> Iterator[Finding]:
                 f"{name}: at {slew:g} µm/s the correction takes {clamp_um / slew / DAY_S:.3g} days to {clamp_um:g} "
                 "µm; machines warm up in hours.",
                 evidence={"output": name, "slew_um_per_s": slew, "clamp_um": clamp_um},
-                suggestion=f"choose a faster slew limit, e.g. --slew {name}=1",
+                suggestion=f"choose a faster slew limit, e.g. --slew {shell_word(name)}=1",
             )
 
 
@@ -388,7 +389,7 @@ def clamp_reached(
         f"up to {lost:.3g} of {largest:.3g} µm are left, {rms:.3g} µm rms.",
         Where(channel=output, run=run),
         {"clamp_um": clamp_um, "largest_um": largest, "share_of_samples": share} | lost_um,
-        f"if the machine may be corrected so far, export with --clamp {output}={math.ceil(largest)}",
+        f"if the machine may be corrected so far, export with --clamp {shell_word(output)}={math.ceil(largest)}",
     )
 
 

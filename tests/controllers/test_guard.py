@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import shlex
 
 import numpy as np
 import pytest
@@ -153,6 +155,16 @@ def test_limits_that_nobody_decided_are_cautious_and_told():
     assert [finding.id for finding in findings] == ["limit-not-decided"]
     decided = Guard(limits=(OutputLimits(output="Z", clamp_um=5.0, slew_um_per_s=2.0),))
     assert decided_limits(model.model_copy(update={"guard": decided}))[1] == ()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="shlex reads the words of another shell")
+def test_the_options_that_a_finding_asks_for_can_be_pasted():
+    model = rise_model()
+    (output,) = model.outputs
+    spaced = model.model_copy(update={"outputs": (output.model_copy(update={"name": "Verlagerung Z"}),)})
+    (finding,) = decided_limits(spaced)[1]
+    words = shlex.split(finding.suggestion.partition("say so: ")[2].partition(";")[0])
+    assert words == ["--clamp", "Verlagerung Z=22", "--slew", "Verlagerung Z=1"]
 
 
 ANY = st.floats(width=64) | st.sampled_from([*hostile.BAD.tolist(), 20.0, 22.5])

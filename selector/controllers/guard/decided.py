@@ -12,6 +12,7 @@ from selector.controllers.model_file import ModelFile, Output, OutputLimits, wit
 from selector.errors import OptionError
 from selector.findings import Finding
 from selector.json_text import fields_of
+from selector.text_file import shell_word
 
 LARGEST_NUMBER = 1e9  #: What is beyond it, in whatever unit, is no reading, no position and no correction.
 #: Clocks stop there: what is added to a larger one is lost in single precision. A longer time between calls is none.
@@ -118,10 +119,10 @@ def decided_limits(model: ModelFile) -> tuple[dict[str, DecidedLimits], tuple[Fi
         open_ones, options = [], []
         if limits.clamp_um is None:
             open_ones.append(f"at most ±{clamp_um:g} µm (the largest that the model gives in its valid ranges)")
-            options.append(f"--clamp {output.name}={clamp_um:g}")
+            options.append(f"--clamp {shell_word(output.name)}={clamp_um:g}")
         if limits.slew_um_per_s is None:
             open_ones.append(f"no faster than {slew:g} µm/s (slow enough for a finishing cut)")
-            options.append(f"--slew {output.name}={slew:g}")
+            options.append(f"--slew {shell_word(output.name)}={slew:g}")
         if open_ones:
             findings.append(
                 FINDINGS.finding(

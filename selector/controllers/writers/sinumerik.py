@@ -25,6 +25,7 @@ from selector.controllers.writers.exported import Exported, ExportRefusedError, 
 from selector.controllers.writers.structured_text import BLOCK, NAME, SECTIONS, StructuredText, block_text, head_lines
 from selector.csv_text import csv_text
 from selector.findings import Finding
+from selector.text_file import shell_word
 
 BLOCK_OF_SETTING_DATA = "FB_ThermalToSD"
 SETTING_DATA = "thermal_to_sd.scl"
@@ -188,7 +189,7 @@ def _limit_findings(model: ModelFile) -> Iterator[Finding]:
                 f"um/s ({STEP_MM:.4g} mm per interpolation cycle) at an axis velocity of {VELOCITY_MM_PER_MIN:g} "
                 "mm/min and spreads the rest over later cycles without an alarm.",
                 evidence={"output": name, "slew_um_per_s": slew, "passed_um_per_s": fastest_um_per_s},
-                suggestion=f"decide with --slew {name}=… below it; a thermal correction needs about 1 um/s",
+                suggestion=f"decide with --slew {shell_word(name)}=… below it; a thermal correction needs about 1 um/s",
             )
         if slope > steepest_um_per_m:
             yield FINDINGS.finding(

@@ -18,6 +18,7 @@ from selector.quality.leave_out import left_out_rows
 from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_temperature_units
 from selector.recording import Recording
+from selector.text_file import shell_word
 from selector.types import Mask, Vector
 
 LARGEST = 1e30  #: Beyond this a number is no reading in any unit, and its fourth power may be no number at all.
@@ -50,8 +51,9 @@ def at_readings(comparison: Comparison) -> Comparison:
     is_enough = max(seldom.values()) <= _MOST_ROWS_BETWEEN and int(np.sum(read & ~comparison.held_out)) >= _ROWS
     if len(seldom) < len(every) and (not is_enough or read.all()):
         clause = "has a value in one row of {:.0f} only, more rarely than other responses"
+        by_itself = "diagnose it by itself: --response "
         told = [
-            not_compared(name, clause.format(count), f"diagnose it by itself: --response {name}", rows_between=count)
+            not_compared(name, clause.format(count), by_itself + shell_word(name), rows_between=count)
             for name, count in seldom.items()
         ]
         kept = tuple(name for name in every if name not in seldom)

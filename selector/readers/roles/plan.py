@@ -16,6 +16,7 @@ from selector.readers.machine_file import ChannelSection, Machine
 from selector.readers.roles.names import closest, found_header, known_unit, name_and_unit, role_guess, role_of_numbers
 from selector.readers.runs import TimedRun
 from selector.readers.tables import Column, Overrides, listed
+from selector.text_file import shell_word
 from selector.units import ROLES, same_dimension, to_canonical, unit_for_role
 
 #: Who was believed: the header of the run, the machine file, an option; or each header, where nothing is declared.
@@ -83,7 +84,7 @@ def _unit_finding(members: Sequence[Dispute]) -> Finding:
         told = f"The machine file says {first.declared} for {what}, but the headers say {said}. Other runs do not "
         told += "contradict the machine file, so these were read as their headers say."
         advice = "nothing to do if the headers are right; if they are wrong, correct them in the files or add "
-        advice += f"--unit {names[0]}={first.declared}{each}"
+        advice += f"--unit {shell_word(names[0])}={first.declared}{each}"
         return FINDINGS.finding("units-differ", told, where, evidence, advice, level="warning")
     asked, advice = "The option", "leave the option out if the headers are right"
     it, these = ("it was", "this channel") if len(names) == 1 else ("they were", "these channels")
