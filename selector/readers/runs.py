@@ -146,7 +146,7 @@ def _too_short(table: Table, n_samples: int) -> ReadError:
         f"{'one sample' if n_samples == 1 else 'no samples'} with a time",
         expected="at least two rows of numbers with different times",
         where=table.file.name,
-        advice="check the recording, its time column and decimal mark, or leave this file out",
+        advice="check the time column, the order of its dates (--date-order) and decimal mark, or leave this file out",
     )
 
 

@@ -336,3 +336,14 @@ def test_a_clock_that_was_never_set_is_none_and_a_counter_of_milliseconds_is_one
     reading = read([tmp_path / "a.csv"])
     assert (reading.reading["time"]["columns"], reading.runs[0].period_s) == (["millis"], pytest.approx(1.13))
     assert reading.recording.names == ("temperature",)
+
+
+def test_dates_in_another_order_than_was_said_are_told_so(reads):
+    content = run([f"24/11/2026 10:0{i}" for i in range(4)])
+    (finding,) = [f for f in reads(content, date_order="mdy").findings if f.id == "no-clock"]
+    assert "no times in the order mdy" in finding.statement
+    assert "--date-order" in finding.suggestion
+    machine = machine_from_text("[time]\ncolumn='Time'\nunit='datetime'\ndate_order='mdy'", "m")
+    with pytest.raises(ReadError) as caught:
+        reads(content, machine=machine)
+    assert "--date-order" in caught.value.advice

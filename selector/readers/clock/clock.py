@@ -63,7 +63,7 @@ def clock(table: Table, options: TimeOptions) -> Clock:
             )
         return result
     if options.period_s is not None:
-        return _sample_clock(table, options.period_s, named=True)
+        return _sample_clock(table, options.period_s, None, named=True)
     if table.time_s is not None:
         base_s = None if table.start is None else float(table.start.astype("datetime64[us]").astype(np.int64)) / 1e6
         return Clock(table.time_s, base_s, None, (), "datetime" if base_s is not None else "s", False, (), ())
@@ -81,24 +81,25 @@ def clock(table: Table, options: TimeOptions) -> Clock:
         evidence = {"column": column.header, "unit": found.unit}
         finding = FINDINGS.finding("time-column-guessed", told, Where(channel=column.header), evidence)
         return replace(found, guessed=("column", *found.guessed), findings=(finding,))
-    return _sample_clock(table, table.reading.get("stated_period_s"), named=False)
+    return _sample_clock(table, table.reading.get("stated_period_s"), options.date_order, named=False)
 
 
-def _sample_clock(table: Table, period_s: float | None, *, named: bool) -> Clock:
+def _sample_clock(table: Table, period_s: float | None, date_order: str | None, *, named: bool) -> Clock:
     findings: tuple[Finding, ...] = ()
     if period_s is not None and not named:
-        told = (
-            f"{table.file.name} has no time column; its heading states one row every {period_s:g} s, which was taken."
-        )
+        told = f"{table.file.name} has no time column; its heading states one row every {period_s:g} s, "
+        told += "which was taken."
         findings = (FINDINGS.finding("stated-period", told, evidence={"period_s": period_s}),)
     is_known = named or period_s is not None
     if period_s is None:
         period_s = 1.0
         unread = [c.header for c in table.columns if c.kind == "text" and is_time_name(name_and_unit(c.header)[0])]
-        cells = f" (the cells of {unread[0]!r} are no times)" if unread else ""
+        order = f" in the order {date_order}" if date_order and unread else ""
+        cells = f" (the cells of {unread[0]!r} are no times{order})" if unread else ""
         told = f"{table.file.name} has no time column{cells}; one row per second is assumed, so times and time "
         told += "constants are counted in samples."
-        findings = (FINDINGS.finding("no-clock", told, evidence={"period_s": period_s}),)
+        advice = "correct --date-order, or date_order under [time] in the machine file" if order else None
+        findings = (FINDINGS.finding("no-clock", told, evidence={"period_s": period_s}, suggestion=advice),)
     seconds = np.arange(len(table), dtype=np.float64) * period_s
     return Clock(seconds, None, None, (), "sample", False, () if is_known else ("unit",), findings)
 
