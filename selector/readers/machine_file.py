@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from selector.errors import ReadError, RecordingError, UnitError
+from selector.physics.model_text import expected_text
 from selector.readers.clock.stamps import time_unit
 from selector.readers.roles.names import closest, one_of_words
 from selector.text_file import text_of, toml_key, toml_value
@@ -194,8 +195,7 @@ def machine_from_text(text: str, where: str) -> Machine:
                 unit_for_role(channel.unit, channel.role, where=where)
             except UnitError as error:
                 # the place is looked up in the whole text: only for a message
-                place = _place(where, text, ("channels", name, "unit"))
-                raise error.at(place) from None
+                raise error.at(_place(where, text, ("channels", name, "unit"))) from None
     return read
 
 
@@ -240,9 +240,7 @@ def _invalid(error: ValidationError, text: str, where: str) -> ReadError:
     """The first thing that is wrong, in words; the number of others is told."""
     problems = error.errors(include_url=False)
     first = problems[0]
-    path = tuple(
-        str(part) for part in first["loc"] if not str(part).startswith(("function-", "constrained-", "tuple["))
-    )
+    path = tuple(str(at) for at in first["loc"] if not str(at).startswith(("function-", "constrained-", "tuple[")))
     if path and path[-1] == "str":
         path = path[:-1]
     dotted = ".".join(path) or "the file"
@@ -254,11 +252,10 @@ def _invalid(error: ValidationError, text: str, where: str) -> ReadError:
             where=_place(where, text, path),
             advice="correct the spelling, or remove the line",
         )
-    message = str(first["msg"]).removeprefix("Value error, ")
     found = first.get("input")
     return ReadError(
-        f"{dotted} = {str(found)[:80]!r}{more}" if not isinstance(found, dict) else f"{dotted}{more}",
-        expected=message[0].lower() + message[1:] if message else "a valid value",
+        f"{dotted} = {toml_value(found)[:80]}{more}" if not isinstance(found, dict) else f"{dotted}{more}",
+        expected=expected_text(first) or "a valid value",
         where=_place(where, text, path),
         advice="correct this value in the machine file",
     )
@@ -272,19 +269,12 @@ def _valid_keys(path: tuple[str, ...]) -> list[str]:
 
 def _place(where: str, text: str, path: tuple[str, ...]) -> str:
     """The file and, as far as it can be told, the line of a key."""
-    section = -1
     lines = text.split("\n")
     while path and path[-1].isdigit() and len(path) > 1:
         path = path[:-1]
-    headers = [".".join(path[:depth]) for depth in range(len(path), 0, -1)]
-    for header in headers:
-        for number, line in enumerate(lines):
-            bare = re.sub(r"[\s\"']", "", line.split("#")[0])
-            if bare == f"[{header.replace(' ', '')}]":
-                section = number
-                break
-        if section >= 0:
-            break
+    bare = [re.sub(r"[\s\"']", "", line.split("#")[0]) for line in lines]
+    headers = [f"[{'.'.join(path[:depth]).replace(' ', '')}]" for depth in range(len(path), 0, -1)]
+    section = next((bare.index(header) for header in headers if header in bare), -1)
     for number in range(section + 1, len(lines)):
         if number > section + 1 and lines[number].lstrip().startswith("["):
             break

@@ -151,3 +151,19 @@ def test_twenty_thousand_channels_are_read() -> None:
     text = "".join(f'[channels.C{i}]\nrole = "temperature"\nunit = "degC"\n' for i in range(20_000))
     # a search of the whole text for every channel would take an hour
     assert len(machine_from_text(text, "machine.toml").channels) == 20_000
+
+
+@pytest.mark.parametrize(
+    ("text", "found", "expected"),
+    [
+        ("[channels.Hall]\nrole = 5\n", "channels.Hall.role = 5", "a text in quotation marks"),
+        ("[time]\nunit = true\n", "time.unit = true", "a text in quotation marks"),
+        ("channels = 5\n", "channels = 5", "a table"),
+        ("[channels]\nHall = 5\n", "channels.Hall = 5", "a table"),
+    ],
+)
+def test_a_value_of_the_wrong_kind_is_shown_as_it_stands_in_the_file(text: str, found: str, expected: str) -> None:
+    with pytest.raises(ReadError) as caught:
+        machine_from_text(text, "m.toml")
+    assert caught.value.found == found
+    assert caught.value.expected.startswith(expected)
