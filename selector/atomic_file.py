@@ -150,12 +150,13 @@ def refuse_to_overwrite(path: Path, *, force: bool, option: str) -> None:
 
     Raises OptionError: the file exists.
     """
-    if path.exists() and not force:
+    if path.is_dir() or (path.exists() and not force):
+        what = "folder" if path.is_dir() else "file"
         raise OptionError(
-            "a file of this name exists already",
-            expected="a name that is free, because the file may hold corrections made by hand",
+            f"a {what} of this name exists already",
+            expected="a name that is free, because a file may hold corrections made by hand",
             where=f"{option} {path}",
-            advice="choose another name, or add --force to replace the file",
+            advice="choose another name" + (", or add --force to replace the file" if what == "file" else ""),
         )
 
 

@@ -91,6 +91,13 @@ def test_nothing_is_overwritten_by_accident(tmp_path):
         refuse_to_overwrite(path, force=False, option="--write")
 
 
+@pytest.mark.parametrize("force", [False, True])
+def test_a_folder_is_not_said_to_be_replaced_by_force(tmp_path, force):
+    with pytest.raises(OptionError, match="folder of this name") as caught:
+        refuse_to_overwrite(tmp_path, force=force, option="--write")
+    assert "--force" not in str(caught.value)
+
+
 def test_an_input_is_never_replaced(tmp_path):
     recording = tmp_path / "r1.csv"
     recording.write_text("mine", encoding="utf-8")
