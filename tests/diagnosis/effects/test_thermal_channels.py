@@ -283,3 +283,17 @@ def test_a_switch_of_which_nobody_says_what_it_is_of_may_be_coolant_or_heat(name
     both = {effect.id, *effect.cannot_be_told_from} & {"thermal.coolant", "thermal.second_source"}
     assert len(both) == 1 + others
     assert ("coolant runs" in effect.statement) is not bool(others)
+
+
+def test_another_law_of_speed_takes_nothing_off_the_rest_of_the_simulation():
+    """A gain that made up for the wrong law would scale the hall, too, and the hall would be named to give it back."""
+    warm = replace(Physics(), hall=4.0)
+    record = recorded(replace(warm, law=((0.5, 1.0), (0.5, 2.0))), 2)
+    noise = np.random.default_rng(2)
+    record |= {name: record[name] + 0.3 * noise.standard_normal(len(record[name])) for name in ("Z", "Y")}
+    simulated = recorded(replace(warm, cells=14, law=((1.6, 1.0),)), 2)
+    answer = diagnosis(comparison_of(record, {name: simulated[name] for name in ("Z", "Y")}))
+    assert [effect.id for effect in answer.effects] == ["thermal.speed_heating"]
+    # without a column of the simulation's own heat 0.978 and 0.922
+    for again in answer.recalibration.values():
+        assert again["gain"].value == pytest.approx(1.0, abs=0.01)

@@ -12,6 +12,7 @@ from selector.diagnosis.shapes.heating import (
     EXPONENTS,
     SpindleLaw,
     lacking,
+    simulated_rise,
     sources,
     speed_power,
     spindle_law,
@@ -22,6 +23,7 @@ from selector.diagnosis.shapes.signals import time_constants
 from selector.types import Vector
 
 _APART = 0.2
+_ALL = 0.99  #: Squared correlation of a simulated course with its part by the speed, from which it is all of it.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -44,12 +46,16 @@ def _other_law(comparison: Comparison, response: str, name: str, law: SpindleLaw
     place, warmth = place_of(comparison, name) or "spindle bearings", warm_starts(comparison, response)
     lags = time_constants(comparison, 5)[2:] if np.any(warmth) else ()
     earlier = [((), ()), *(((warmth * np.exp(-comparison.time_s / tau_s),), (EARLIER,)) for tau_s in lags)]
+    own = law.course(comparison, speed_power(comparison, name, law.exponent))
+    if np.corrcoef(own, simulated_rise(comparison, response))[0, 1] ** 2 < _ALL:
+        # the gain would take what the simulation has of this heat off the rest of it, too
+        earlier += [((own, *left), (f"{name}^{law.exponent:g} of the simulation", *said)) for left, said in earlier]
 
     def of_heat(words: str, heat: Vector, shape: dict[str, Quantity], regime: str | None = None) -> Iterator[Variant]:
         column = law.course(comparison, heat)
-        for left, said in earlier:
+        for beside, said in earlier:
             names = (f"{words} with the simulation's own delays", *said)
-            yield Variant(np.column_stack([column, *left]), names, shape, place=place, sources=(name,), regime=regime)
+            yield Variant(np.column_stack([column, *beside]), names, shape, place=place, sources=(name,), regime=regime)
 
     for exponent in EXPONENTS:
         if abs(exponent - law.exponent) >= _APART:
