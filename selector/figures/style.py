@@ -25,6 +25,7 @@ BASELINES = {"none": "#7f7f7f", "mean": "#E69F00", "all sensors": "#CC79A7"}
 OTHER_BASELINE = "#56B4E9"
 GROUPS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 LIKENESS_SCALE = ((0.0, "#f7fbff"), (0.35, "#b5d4e9"), (0.7, "#3787c0"), (1.0, "#08306b"))
+HARM_SCALE = ((0.0, "#fffaf5"), (0.4, "#f9c08a"), (0.75, "#e0702a"), (1.0, "#8a3600"))
 
 WIDTH = 1000
 TITLE_MARGIN = 40  #: Margin above the plot that a figure without its title needs [px]: for a legend.
