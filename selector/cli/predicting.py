@@ -16,7 +16,6 @@ from selector.cli.shared.option_table import option
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.errors import Misfit, OptionError, refuse
-from selector.recording import of_axis
 
 if TYPE_CHECKING:
     from selector.controllers.timed_program import TimedProgram
@@ -135,6 +134,7 @@ def predict(
     from selector.physics.thermal.prediction.prediction import predict as predicted
     from selector.readers import read
     from selector.readers.cycle_file import day_readings, heating_tests, read_cycle
+    from selector.recording import of_axis
     from selector.study.material import drift_of, provenance_of
     from selector.telling.predicted.account import prediction_account
 

@@ -87,8 +87,7 @@ def clock(table: Table, options: TimeOptions) -> Clock:
 def _sample_clock(table: Table, period_s: float | None, date_order: str | None, *, named: bool) -> Clock:
     findings: tuple[Finding, ...] = ()
     if period_s is not None and not named:
-        told = f"{table.file.name} has no time column; its heading states one row every {period_s:g} s, "
-        told += "which was taken."
+        told = f"{table.file.name} has no time column; one row every {period_s:g} s was taken, as its heading states."
         findings = (FINDINGS.finding("stated-period", told, evidence={"period_s": period_s}),)
     is_known = named or period_s is not None
     if period_s is None:
