@@ -127,7 +127,7 @@ def field_of(file: FieldFile, laws: Laws) -> VirtualMachine:
     settings = file.field
     machine = _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
     if laws.films != machine.laws.films:
-        # other film coefficients ask for other fields
+        # other film coefficients ask for other fields; with the same ones, what was reduced once is kept
         return dataclasses.replace(machine, laws=laws, basis=reduced_basis(machine.full, film_sets(laws)))
     found = dataclasses.replace(machine, laws=laws)
     vars(found)["system"] = machine.system
