@@ -1,12 +1,14 @@
 """The main job: recordings in, sensors, models and proof out."""
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from selector.findings import Finding
+from selector.models.best_subsets.subsets import cores
 from selector.models.design import Form, Rows, datum_of, rows_of
 from selector.models.least_squares import fault_gains, validity_hull
 from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, response_power
@@ -79,8 +81,8 @@ def select(
     folds = Folds(question, runs, datum, n_blocks)
 
     say("grouping sensors", 0.1)
-    found_all = candidates(question, folds.linear_bench(None))
-    found = [candidates(question, folds.linear_bench(group)) for group in folds.outer]
+    with ThreadPoolExecutor(cores()) as threads:
+        found_all, *found = threads.map(lambda out: candidates(question, folds.linear_bench(out)), (None, *folds.outer))
     static, lagged = shapes_on_offer(question, surveyed.period_s, surveyed.duration_s)
     memory_gb = folds.memory_gb([found_all, *found], static, lagged)
     say("forming terms" + f", which take about {memory_gb:.1f} GB of memory" * (memory_gb >= 1.0), 0.3)
@@ -296,12 +298,9 @@ def fit_per_run(
     responses: Sequence[str], models: Mapping[str, Any], rows: Rows
 ) -> dict[str, dict[str, tuple[float, float]]]:
     """Response → run → root mean square and largest error [µm] of its model in these samples."""
-    found: dict[str, dict[str, tuple[float, float]]] = {}
-    for j, name in enumerate(responses):
-        error = rows.responses[:, j] - models[name].predicted(rows.variables)
-        found[name] = {
-            run: (float(np.sqrt(np.mean(of_run**2))), float(np.abs(of_run).max()))
-            for r, run in enumerate(rows.runs)
-            if len(of_run := error[rows.run == r])
-        }
-    return found
+    of_run = {run: at for r, run in enumerate(rows.runs) if (at := rows.run == r).any()}
+    errors = {name: rows.responses[:, j] - models[name].predicted(rows.variables) for j, name in enumerate(responses)}
+    return {
+        name: {run: (float(np.sqrt(np.mean(one[at] ** 2))), float(np.abs(one[at]).max())) for run, at in of_run.items()}
+        for name, one in errors.items()
+    }

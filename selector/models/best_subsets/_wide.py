@@ -19,7 +19,7 @@ from selector.models.best_subsets._algebra import DROPPED, FREE, KEPT, PIVOT_TOL
 from selector.models.best_subsets.problem import Problem
 from selector.types import Array, Indices, Matrix
 
-MANY_COLUMNS = 150  #: With fewer, a node of `_tree.py` costs so little that its search is quicker.
+MANY_COLUMNS = 250  #: With fewer, a node of `_tree.py` costs so little that its search is quicker.
 WIDTH = 16  #: Of F, in eigenvectors.
 #: The median D of this bound has to be so many times that of the other one, and this share of N_jj.
 LARGER, LEAST_MEDIAN = 2.5, 0.1

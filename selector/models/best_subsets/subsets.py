@@ -49,6 +49,11 @@ def compile_search() -> None:
     curvature(np.eye(3), np.ones(3), 2, np.ones(3))
 
 
+def cores() -> int:
+    """Threads that searches may use here: a worker of a pool has the other cores' workers beside it."""
+    return 1 if multiprocessing.parent_process() else os.cpu_count() or 1
+
+
 def best_subsets(
     cross: ArrayLike,
     n_samples: float,
@@ -115,9 +120,7 @@ def best_subsets(
         node_bytes = 9 * problem.n_columns + 32
         for size in open_sizes:
             parts[size].most = max(parts[size].most, MAX_OPEN_BYTES // (len(open_sizes) * node_bytes))
-        # a worker of a pool has the other cores' workers beside it
-        n_cores = 1 if multiprocessing.parent_process() else os.cpu_count() or 1
-        spaces = [problem.scratch() for _ in range(min(n_cores, len(open_sizes)))]
+        spaces = [problem.scratch() for _ in range(min(cores(), len(open_sizes)))]
         with ThreadPoolExecutor(len(spaces)) as threads:
             try:
                 while open_sizes and not late.is_set():
@@ -263,13 +266,10 @@ def best_sensor_sets(
         if choose == 0:
             insert(*best, *house.state_and_rss(kept))
             path.counters[tree.EVALUATED] = 1
-        ended = stopped or choose == 0
-        while not ended:
+        ended = choose == 0
+        while not ended and not stopped:
             ended = tree.search_sensors(problem.gram, problem.cross, ranked, choose, path, *best, CHUNK_WORK)
-            late = time_limit_s is not None and time.perf_counter() - started >= time_limit_s
-            if late and not ended:
-                stopped = True
-                break
+            stopped = not ended and time_limit_s is not None and time.perf_counter() - started >= time_limit_s
         counters = path.counters
         visited += int(counters[tree.VISITED])
         done = int(counters[tree.EVALUATED]), int(counters[tree.BOUNDED])
