@@ -87,6 +87,7 @@ def unit_for_role(unit: str, role: str, *, where: str) -> str:
     return known
 
 
+@functools.lru_cache(maxsize=1024)
 def same_dimension(unit: str, other: str) -> bool:
     """Whether one unit can be converted to the other."""
     registry = _registry()

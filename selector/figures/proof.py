@@ -1,6 +1,6 @@
 """What unseen runs say: the error of every run without and with the model, of sets of sensors, and the courses."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,13 +19,31 @@ from selector.selection.result import BEST_OF_SIZE, FIXED_SET, PROCEDURE, RunPro
 KINDS = {"run": "runs", "condition": "conditions", "block": "stretches"}
 _BARS = (("without compensation, rms", style.BEFORE, -0.38), ("with the model, rms", style.PREDICTED, 0.0))
 _ROOM_PX, _RUN_PX, _LEAST_PX = 150, 34, 120
+MOST_ROWS = 30  #: Runs in one picture.
 
 #: Errors of every run [µm]; of a set that was fixed before, the largest ones are not known.
 RunErrors = Sequence[RunProof | HeldOutPart]
 
 
+def telling_runs(errors: Mapping[str, float], most: int) -> tuple[list[str], str]:
+    """The runs with these errors; of more than `most` the worst half and some of all sorts, and what is said of it."""
+    if len(errors) <= most:
+        return [*errors], ""
+    ranked = sorted(errors, key=lambda run: -errors[run])
+    worst, others = ranked[: most // 2], ranked[most // 2 :]
+    spaced = np.linspace(0, len(others) - 1, most - len(worst)).round().astype(int).tolist()
+    wanted = {*worst, *(others[i] for i in spaced)}
+    which = f"the worst {len(worst)}, and {len(spaced)} spread evenly over the others from bad to good"
+    return [run for run in errors if run in wanted], f"{len(wanted)} of {len(errors)} are drawn: {which}"
+
+
+def _drawn(runs: RunErrors) -> tuple[list[RunProof | HeldOutPart], str]:
+    wanted, few = telling_runs({one.name: one.rmse_um for one in runs}, MOST_ROWS)
+    return [one for one in runs if one.name in wanted], few and f"; {few}"
+
+
 def errors_per_run(selection: Selection, response: str) -> go.Figure:
-    """Error of every unseen run without compensation and with the model."""
+    """Error of the unseen runs without compensation and with the model; of many those of `telling_runs`."""
     runs = selection.proof.per_response[response]
     title = run_errors_title(response, runs, KINDS[selection.proof.left_out])
     return changed(run_errors_picture(runs, title), run_error_changes(response, runs))
@@ -34,19 +52,16 @@ def errors_per_run(selection: Selection, response: str) -> go.Figure:
 def run_errors_title(response: str, runs: RunErrors, kind: str) -> str:
     """On which runs the model is worse than none; `kind` is what they are called, e.g. ``"runs"``."""
     worse = [one.name for one in runs if one.rmse_um >= one.before_rmse_um]
-    if not worse:
-        return f"{style.label(response)} is better with the model on all {len(runs)} {kind}"
-    return (
-        f"{style.label(response)} is worse with the model than without on {len(worse)} of {len(runs)} {kind}: "
-        f"{style.listed(worse)}"
-    )
+    said = f"better with the model on all {len(runs)} {kind}"
+    if worse:
+        said = f"worse with the model than without on {len(worse)} of {len(runs)} {kind}: {style.listed(worse)}"
+    return f"{style.label(response)} is {said}{_drawn(runs)[1]}"
 
 
 def run_errors_picture(runs: RunErrors, title: str) -> go.Figure:
     """The frame for the errors of these runs; `run_error_changes` fills it."""
-    n = len(runs)
-    drawn = style.figure(title, _ROOM_PX + max(_LEAST_PX, _RUN_PX * n))
-    rows = list(range(n))
+    rows = [*range(min(len(runs), MOST_ROWS))]
+    drawn = style.figure(title, _ROOM_PX + max(_LEAST_PX, _RUN_PX * len(rows)))
     for name, colour, offset in _BARS:
         style.bars(drawn, None, rows, colour, name, f"{name}: %{{x:.4g}} µm", offset=offset, width=0.38)
     largest = "with the model, largest"
@@ -62,13 +77,15 @@ def run_errors_picture(runs: RunErrors, title: str) -> go.Figure:
     style.words(drawn, "rms [µm]", 1.01, 1.0, **beside, yref="paper", yanchor="bottom")
     drawn.update_layout(margin={"r": 120})
     drawn.update_xaxes(rangemode="tozero")
-    drawn.update_yaxes(**style.rows_of([style.label(one.name) for one in runs]))
+    drawn.update_yaxes(**style.rows_of([""] * len(rows)))
     return drawn
 
 
 def run_error_changes(response: str, runs: RunErrors) -> Changes:
-    """The errors of a response in the same runs, in the frame of `run_errors_picture`."""
+    """The errors of a response in as many runs, in the frame of `run_errors_picture`."""
+    runs, _ = _drawn(runs)
     changes: dict[tuple[str | int, ...], object] = {
+        ("layout", "yaxis", "ticktext"): [style.label(one.name) for one in runs],
         ("layout", "xaxis", "title", "text"): f"error of {style.label(response)} [µm]",
         ("data", 0, "x"): [one.before_rmse_um for one in runs],
         ("data", 1, "x"): [one.rmse_um for one in runs],

@@ -327,50 +327,37 @@ def start_reading(time_s: Array, samples: Array) -> tuple[float, float]:
     if noise < 0.1 * float(np.median(np.abs(np.diff(found)))):
         # a smooth curve, whose second differences are its bend and not noise
         return float(found[0]), noise
-    fits, gains = _start_fits(tuple((time - time[0]).tolist()))
+    fits, next_powers, gains = _start_fits(tuple((time - time[0]).tolist()))
     errors = noise * gains
+    usable = np.flatnonzero((np.abs(next_powers @ found) <= SMALL_BEND * noise) & (errors < noise))
     # the most exact first, so that the search ends with the first that holds
-    for i in np.argsort(errors, kind="stable"):
-        if errors[i] >= noise:
-            break
-        fit = fits[i]
-        values = found[: fit.basis.shape[0]]
-        if abs(float(fit.next_power @ values)) > SMALL_BEND * noise * fit.next_error:
-            continue
-        coefficients = fit.solver @ values
-        if float((((values - fit.basis @ coefficients) / noise) ** 2).sum()) <= fit.limit:
+    for i in usable[np.argsort(errors[usable], kind="stable")]:
+        basis, solver, limit = fits[i]
+        values = found[: len(basis)]
+        coefficients = solver @ values
+        if float((((values - basis @ coefficients) / noise) ** 2).sum()) <= limit:
             return float(coefficients[0]), float(errors[i])
     return float(found[0]), noise
 
 
-@dataclass(frozen=True)
-class _StartFit:
-    """A polynomial through the first samples: its least squares, done once for each pattern of time stamps.
-
-    `next_power @ samples` is the next coefficient, `next_error` its standard error for a noise of 1.
-    """
-
-    basis: Array
-    solver: Array
-    next_power: Array
-    next_error: float
-    limit: float
-
-
 @functools.lru_cache(maxsize=256)
-def _start_fits(time: tuple[float, ...]) -> tuple[tuple[_StartFit, ...], Array]:
-    """The fits, and the standard error of the start for a noise of 1 of each."""
-    fits, gains = [], []
+def _start_fits(time: tuple[float, ...]) -> tuple[tuple[tuple[Array, Array, float], ...], Array, Array]:
+    """Least squares of polynomials through the first samples, done once for each pattern of time stamps.
+
+    For each its basis, solver and limit of χ²; for a noise of 1 what gives its next coefficient, in standard errors,
+    and the standard error of the start.
+    """
+    fits, gains, further = [], [], []
     for k in range(4, len(time) + 1):
         powers = np.vander(np.array(time[:k]) / time[k - 1], 4, increasing=True)
         for order in range(1, min(2, k - 3) + 1):
             basis = powers[:, : order + 1]
             solver = np.asarray(np.linalg.pinv(basis), dtype=np.float64)
-            further = np.asarray(np.linalg.pinv(powers[:, : order + 2])[-1], dtype=np.float64)
-            limit = float(chdtri(k - order - 1, 0.1))
-            fits.append(_StartFit(basis, solver, further, float(np.linalg.norm(further)), limit))
+            following = np.linalg.pinv(powers[:, : order + 2])[-1]
+            further.append(np.concatenate([following / np.linalg.norm(following), np.zeros(len(time) - k)]))
             gains.append(float(np.linalg.norm(solver[0])))
-    return tuple(fits), np.array(gains)
+            fits.append((basis, solver, float(chdtri(k - order - 1, 0.1))))
+    return tuple(fits), np.array(further), np.array(gains)
 
 
 def start_readings(source: RunSource, names: Sequence[str]) -> dict[str, dict[str, tuple[float, float]]]:

@@ -390,7 +390,7 @@ def test_of_many_runs_the_worst_are_drawn():
     selection = studies.select(studies.recording(4, 14, 60), studies.Options(responses=("Z",), max_sensors=2))
     page = Page(selection_html(selection))
     text = "".join(page.text)
-    assert "12 of 14 runs are drawn" in text
+    assert "12 of 14 are drawn" in text
     drawn = "".join(source for kind, source in page.scripts if kind == "application/json" and '"residual"' in source)
     parts = sorted(selection.proof.per_response["Z"], key=lambda part: -part.rmse_um)
     assert all(f"{part.name}\\u003c/b\\u003e" in drawn for part in parts[:6])
