@@ -164,3 +164,5 @@ def test_what_cannot_be_told_of_one_response_is_told_of_the_other():
     assert "cannot be told" in rows["Y"]
     assert "cannot be told" not in rows["Z"]
     assert "known to a factor of 2.0, Y: how far off on further ones cannot be told from 3" in advice(found)[1][0]
+    sure = replace(found, known=replace(found.known, factor=1.02, factors={"Z": 1.01, "Y": 1.02}))
+    assert "known to a factor of 1.02)" in advice(sure)[1][0]

@@ -85,7 +85,7 @@ def _how_known(selection: Selection, names: tuple[str, ...]) -> str:
     if known is None:
         return ", one run" if selection.proof.left_out == "block" else ""
     told = [factor for name in names if (factor := known.factor_of(name)) <= MOST_TOLD_FACTOR]
-    said = f", known to a factor of {number_text(max(told), 2)}" if told else ""
+    said = f", known to a factor of {number_text(max(told), 2 if max(told) >= 1.1 else 3)}" if told else ""
     if len(told) == len(names):
         return said
     of = " and ".join(name for name in names if known.factor_of(name) > MOST_TOLD_FACTOR) + ": " if told else ""
