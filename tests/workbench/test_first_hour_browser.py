@@ -166,12 +166,29 @@ def test_faults_are_told_first_and_repaired_with_a_click(page, bench, tmp_path):
     page.get_by_role("button", name="Take the repair of r3 back").wait_for()
     assert machine_file(bench.folder / "machine.toml").runs["r3"].swap == (("T01", "T30"),)
     assert not machine_file(folder / "machine.toml").runs
-    assert "fault" not in row.inner_text()
+    row.filter(has_not_text="fault").wait_for()
     page.locator("#recordings-faults").get_by_text("as the machine file repairs it").wait_for()
     assert page.locator("#recordings-findings").get_by_text("as the machine file repairs it").count() == 0  # said once
     page.get_by_role("button", name="Take the repair of r3 back").click()
     page.get_by_role("button", name="Repair: exchange T01 and T30 in r3").first.wait_for()
     assert machine_file(bench.folder / "machine.toml").runs == {}
+
+
+def test_a_file_is_left_out_and_used_again_by_keyboard(page, bench):
+    bench.add(*sorted(shipped("vmc37").glob("r*.csv")), machine=shipped("vmc37") / "machine.toml")
+    row = page.locator("table.files tr", has_text="r2.csv")
+    row.filter(has_text="min").or_(row.filter(has_text=" h")).first.wait_for()
+    tick = page.get_by_role("checkbox", name="use r2.csv")
+    tick.focus()
+    page.keyboard.press("Space")
+    row.filter(has_text="left out").wait_for()
+    wait_for(lambda: "r2" not in {run.name for run in bench.material.reading.runs})
+    assert [path.name for path in bench.used] == [one.path.name for one in bench.loaded if one.path.name != "r2.csv"]
+    # who works with the keyboard stays where he is
+    assert page.evaluate("document.activeElement.getAttribute('aria-label')") == "use r2.csv"
+    page.keyboard.press("Space")
+    row.filter(has_not_text="left out").wait_for()
+    wait_for(lambda: len(bench.used) == len(bench.loaded))
 
 
 def test_files_of_two_loggers_become_runs_with_a_click(page, bench, tmp_path):

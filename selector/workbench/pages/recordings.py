@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import dash
-from dash import ALL, Input, Output, State, dcc, html, no_update
+from dash import ALL, ClientsideFunction, Input, Output, State, dcc, html, no_update
 from dash.development.base_component import Component
 
 from selector.figures.simulated.thermal import courses
@@ -90,11 +90,12 @@ def layout(bench: Bench) -> Component:
         [
             html.H1("Recordings"),
             drop,
+            html.Div(id=f"{ID}-listed", className="scroll", hidden=True),
             html.Div(id=f"{ID}-files"),
             html.Div(id=f"{ID}-faults"),
             html.Div(id=f"{ID}-reading"),
             html.Div(read, id=f"{ID}-read", hidden=True),
-            dcc.Store(id=f"{ID}-shown", data=None),
+            *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("shown", "list", "used")),
         ]
     )
 
@@ -161,16 +162,20 @@ def register(app: dash.Dash, bench: Bench) -> None:
 
 
 def _register_files(app: dash.Dash, bench: Bench) -> None:
-    @app.callback(Output(f"{ID}-files", "children"), Input(parts.REVISION, "data"))
-    def _files(_: int) -> Any:
+    listed = ClientsideFunction(ID, "listed")
+    app.clientside_callback(listed, Output(f"{ID}-listed", "title"), Input(f"{ID}-list", "data"))
+
+    @app.callback(Output(f"{ID}-files", "children"), Output(f"{ID}-list", "data"), Input(parts.REVISION, "data"))
+    def _files(_: int) -> tuple[Any, Any]:
         material = bench.material
         problems = [material.problem, *(one.problem for one in bench.loaded)]
         below = [parts.problem(problem) for problem in problems if problem is not None]
         if bench.loaded:
-            return [_table_of_files(bench), *below]
+            return below, _table_of_files(bench)
         none = "No recordings yet. The preview will say what was inferred: encoding, separator, clock, units, roles."
         opens = [html.Button(one.title, id={"type": f"{ID}-example", "folder": one.folder}) for one in EXAMPLES]
-        return [html.P(none, className="about"), html.H2("Or open an example"), html.Div(opens, className="row")]
+        said = [html.P(none, className="about"), html.H2("Or open an example"), html.Div(opens, className="row")]
+        return said, None
 
     @app.callback(Input({"type": f"{ID}-example", "folder": ALL}, "n_clicks"), prevent_initial_call=True)
     def _example(clicks: list[int | None]) -> None:
@@ -179,11 +184,12 @@ def _register_files(app: dash.Dash, bench: Bench) -> None:
             open_example(bench, name)
             parts.tell(bench)
 
-    @app.callback(Input({"type": f"{ID}-use", "file": ALL}, "value"), prevent_initial_call=True)
-    def _use(ticked: list[list[str] | None]) -> None:
+    @app.callback(Input(f"{ID}-used", "data"), prevent_initial_call=True)
+    def _use(ticks: list[bool] | None) -> None:
         loaded = bench.loaded
-        if len(ticked) == len(loaded):
-            bench.use([one.path for one, tick in zip(loaded, ticked, strict=True) if tick])
+        # the rows may be those of other files
+        if ticks is not None and len(ticks) == len(loaded):
+            bench.use([one.path for one, tick in zip(loaded, ticks, strict=True) if tick])
             parts.tell(bench)
 
 
@@ -274,7 +280,8 @@ def _repair_text(finding: Finding) -> str:
     return f"Repair: read {where.channel} in {where.run} as {evidence['unit']}" if "unit" in evidence else ""
 
 
-def _table_of_files(bench: Bench) -> Component:
+def _table_of_files(bench: Bench) -> dict[str, Any]:
+    """What `recordings.js` draws."""
     reading = bench.material.reading
     runs: dict[str, list[Any]] = {}
     for run in reading.runs if reading is not None else ():
@@ -282,24 +289,23 @@ def _table_of_files(bench: Bench) -> Component:
             runs.setdefault(file, []).append(run)
     rows = []
     is_read = "reading …" if bench.is_reading else ""
-    for number, one in enumerate(bench.loaded):
+    for one in bench.loaded:
         own = runs.get(str(one.path), []) if one.is_used else []
-        name, ticked = {"type": f"{ID}-use", "file": number}, ["used"] if one.is_used else []
-        tick = dcc.Checklist(id=name, options=[{"label": "", "value": "used"}], value=ticked)
         facts: list[Any] = ["", "", "", ""]
         if own:
             facts = [sum(run.rows for run in own), duration(sum(run.duration_s for run in own))]
             facts += [duration(own[0].period_s), (own[0].start or "").replace("T", " ")]
         names = {run.name for run in own}
         wrong = [finding for finding in bench.material.findings if is_fault(finding) and finding.where.run in names]
-        state: Any = html.Span(is_read if one.is_used else "left out", className="about")
+        state, look = is_read if one.is_used else "left out", "about"
         if wrong:
-            state = html.Strong(f"{len(wrong)} fault{'s' * (len(wrong) != 1)}", className="wrong")
+            state, look = f"{len(wrong)} fault{'s' * (len(wrong) != 1)}", "wrong"
         if one.problem is not None:
-            state = html.Strong("cannot be read, see below")
-        rows.append([tick, one.path.name, *facts, state])
+            state, look = "cannot be read, see below", "wrong"
+        cells = [one.path.name, *map(str, facts)]
+        rows.append({"used": one.is_used, "cells": cells, "state": state, "look": look})
     columns = ["use", "file", "rows", "duration", "step", "start", ""]
-    return parts.table(columns, rows, numeric=["rows", "duration", "step"], name="files")
+    return {"columns": columns, "numeric": ["rows", "duration", "step"], "rows": rows}
 
 
 def _way(bench: Bench) -> Component:

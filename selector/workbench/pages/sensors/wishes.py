@@ -49,8 +49,9 @@ def _rows(bench: Bench) -> Rows:
 
 
 def table(bench: Bench) -> Component:
-    """Where the table is; it stays open when its rows change."""
-    shown = [html.Summary("Must, never, cost and place of each sensor"), html.Div(id=f"{ID}-wishes")]
+    """Where the table is; it stays open when its rows change. Fields that nobody sees would slow every page down."""
+    summary = html.Summary("Must, never, cost and place of each sensor", id=f"{ID}-open")
+    shown = [summary, html.Div(id=f"{ID}-wishes")]
     kept = [dcc.Store(id=f"{ID}-wished", data=None), _rows(bench).followed()]
     return html.Details([*shown, parts.table_download("sensors"), *kept], id=f"{ID}-every")
 
@@ -72,10 +73,11 @@ def register(app: dash.Dash, bench: Bench) -> parts.Form:
         Output(f"{ID}-wishes", "children"),
         Output(f"{ID}-wished", "data"),
         Input(parts.REVISION, "data"),
+        Input(f"{ID}-open", "n_clicks"),
         State(f"{ID}-wished", "data"),
     )
-    def _show(_: int, shown: int | None) -> tuple[Any, int]:
-        if bench.material.number == shown:
+    def _show(_: int, opened: int | None, shown: int | None) -> tuple[Any, int]:
+        if not opened or bench.material.number == shown:
             raise dash.exceptions.PreventUpdate
         return _table(bench), bench.material.number
 
