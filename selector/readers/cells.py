@@ -370,8 +370,7 @@ def layout(
 
     def merit(i: int) -> tuple[bool, int, bool, int]:
         filled = [cell for cell in rows[i] if cell]
-        timed = any(is_time_name(without_unit(cell)) for cell in filled)
-        return timed, len(set(filled)), units is not None and i == units - 1, i
+        return _is_timed(rows[i]), len(set(filled)), units is not None and i == units - 1, i
 
     names = max(rest, key=merit)
     if names + 1 in rest and _is_filled_up(rows[names], rows[names + 1]):
@@ -387,6 +386,11 @@ def layout(
     return found
 
 
+def _is_timed(row: Sequence[str]) -> bool:
+    """Whether one of these names is that of the time; beside a date it says when the recording was made."""
+    return any(is_time_name(without_unit(cell)) for cell in row if cell) and not any(map(is_time, row))
+
+
 def _repeated(names: Sequence[str]) -> set[str]:
     return {name for name, times in Counter(names).items() if name and times > 1}
 
@@ -399,7 +403,10 @@ def _first_sample(rows: Sequence[Sequence[str]], kinds: Sequence[str], decimal: 
         if like:
             following = [row for row in rows[i + 1 : i + 30] if any(row)][:10]
             fitting = sum(_fit(row, kinds, decimal)[0] > 0 for row in following)
-            if fitting >= 0.5 * len(following):
+            # numbers of channels over their names are no sample
+            full = [row for row in following[:3] if row not in rows[:i] and sum(map(bool, row)) >= filled]
+            named = any(_is_timed(row) and _is_heading(row, kinds, decimal) for row in full)
+            if fitting >= 0.5 * len(following) and not named:
                 return i
         headed = headed or _is_heading(rows[i], kinds, decimal)
     return None

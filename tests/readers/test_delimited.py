@@ -34,6 +34,26 @@ def test_names_units_and_preamble(reads, column, times, head, rows_above):
 
 
 @pytest.mark.parametrize(
+    "above",
+    [
+        "Datum;20.11.2026;\nKanal;1;2\n", ";1;2\n", "0;1;2\n", "Datum;20.11.2026;\n1;2;3\n",
+        "Datum;20.11.2026;08:00\nNr;4711;4712\nFaktor;1,0;0,5\n",
+    ],
+)  # fmt: skip
+def test_numbers_of_channels_and_a_date_above_the_names_are_neither_names_nor_a_sample(reads, column, above):
+    reading = reads(above + "t [s];T1 [°C];Z [µm]\n" + BODY)
+    assert [c.name for c in reading.channels] == ["T1", "Z"]
+    assert column(reading, "T1") == T1
+    assert reading.reading["skipped_rows"] == above.count("\n")
+
+
+def test_an_event_between_the_first_samples_is_no_row_of_names(reads, column):
+    first, *rest = BODY.splitlines(keepends=True)
+    reading = reads("t [s];T1 [°C];Z [µm]\n" + first + "Zeit;Spindel an;\n" + "".join(rest))
+    assert column(reading, "T1")[0] == T1[0]
+
+
+@pytest.mark.parametrize(
     ("units", "expected"),
     [("min;°C;µm", [1200.0, 0.05]), ("s;°F;mm", [20.0, 50.0]), ("[h];[K];[inch]", [72e3, 1270.0])],
 )
