@@ -11,7 +11,13 @@ from selector.atomic_file import folder_written_whole, refuse_to_replace_input, 
 from selector.controllers.application import other_sampling, without_displacement_faults
 from selector.controllers.evaluator import output_bound_um
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import decided_limits, is_turned, with_decided_limits, with_turned_signs
+from selector.controllers.guard.decided import (
+    decided_limits,
+    is_turned,
+    named_output,
+    with_decided_limits,
+    with_turned_signs,
+)
 from selector.controllers.model_file import Input, ModelFile, OutputLimits, equations_sha256, write_model
 from selector.controllers.replay.replayed import Replay, replay_findings, replayed
 from selector.controllers.self_check import sealed, usable_model
@@ -184,7 +190,6 @@ def _with_margin(model: ModelFile, target: Target, percent: float) -> tuple[Mode
 
 def _with_limits(model: ModelFile, target: Target, options: ExportOptions) -> ModelFile:
     """The model with the limits that were given; refuses them where the control has none."""
-    names = [output.name for output in model.outputs]
     found = {limits.output: limits for limits in model.guard.limits}
     for option, limit, values in (
         ("--clamp", "clamp_um", options.clamp_um),
@@ -198,16 +203,11 @@ def _with_limits(model: ModelFile, target: Target, options: ExportOptions) -> Mo
                     where=option,
                     advice="leave the option out, and limit the temperature that the control passes on",
                 )
-            if name not in names:
-                raise OptionError(
-                    f"no output {name!r}",
-                    expected="one of " + ", ".join(names),
-                    where=option,
-                    advice="correct the name",
-                )
-            limits = found.get(name, OutputLimits(output=name))
-            found[name] = limits.model_copy(update={limit: _limit(given, option, name)})
-    guard = model.guard.model_copy(update={"limits": tuple(found[name] for name in names if name in found)})
+            of = named_output(model, name, option)
+            limits = found.get(of, OutputLimits(output=of))
+            found[of] = limits.model_copy(update={limit: _limit(given, option, name)})
+    limits_of = tuple(found[output.name] for output in model.outputs if output.name in found)
+    guard = model.guard.model_copy(update={"limits": limits_of})
     return model.model_copy(update={"guard": guard})
 
 

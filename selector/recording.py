@@ -64,8 +64,14 @@ def no_channel(name: str, names: Iterable[str]) -> RecordingError:
 
 def of_axis(name: str, channels: Sequence[Channel]) -> str:
     """The name itself; if no channel is called so, that of the one displacement along the axis of this name."""
-    along = [one.name for one in channels if one.role == "displacement" and one.axis == name.upper()]
-    return along[0] if len(along) == 1 and all(one.name != name for one in channels) else name
+    along = {one.name: one.axis for one in channels if one.role == "displacement"}
+    return name if any(one.name == name for one in channels) else named_by_axis(name, along)
+
+
+def named_by_axis(name: str, axes: Mapping[str, str | None]) -> str:
+    """The name itself; if nothing is called so, the only one of these names that lies along the axis of this name."""
+    along = [one for one, axis in axes.items() if (axis or "").upper() == name.upper()]
+    return along[0] if len(along) == 1 and name not in axes else name
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from selector.atomic_file import begins_with, require_writable_folder
 from selector.cli.selecting import Responses
 from selector.cli.shared import showing
-from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
+from selector.cli.shared.files import refuse_folder_of_inputs
 from selector.cli.shared.option_table import option
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
@@ -115,7 +115,7 @@ _EXAMPLES = {"--operations": "60,60,45.5", "--tolerance": "10 or --tolerance 10,
 def predict(
     source: Source,
     asked: Asked,
-    out: Annotated[Path | None, out_folder("predict --out")] = None,
+    out: Annotated[Path | None, option("predict --out")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
@@ -154,7 +154,10 @@ def predict(
     reading = source.reading()
     if out is not None:
         refuse_folder_of_inputs(out, [file for file, _ in reading.files])
-    wanted, day = tuple(of_axis(name, reading.recording.channels) for name in asked.response or ()), None
+    channels, tolerances, day = reading.recording.channels, asked.tolerances_um(), None
+    wanted = tuple(of_axis(name, channels) for name in asked.response or ())
+    if isinstance(tolerances, dict):
+        tolerances = {of_axis(name, channels): drift for name, drift in tolerances.items()}
     if asked.readings is not None:
         wanted = wanted or reading.recording.with_role("displacement")
         overrides = replace(source.overrides(), partial=True)
@@ -166,7 +169,7 @@ def predict(
     hall = AmbientCourse(steps.time_s, np.column_stack([*foreseen.values()]), tuple(foreseen)) if foreseen else None
     prediction = predicted(
         thermal_tests(recording, responses), responses, cyclogram, method=asked.method, hall=hall, start=asked.start,
-        operations_s=lengths_s, tolerance_um=asked.tolerances_um(), find_order=asked.order, readings=day,
+        operations_s=lengths_s, tolerance_um=tolerances, find_order=asked.order, readings=day,
         resolution_s=None if asked.resolution is None else 60.0 * asked.resolution,
         warm_up_s=60.0 * (asked.warm_up or 0.0), told=(*of_recording, *of_cycle),
         temperatures=[name for name in responses if name in recording.with_role("temperature")],
@@ -179,7 +182,9 @@ def predict(
         from selector.controllers.timed_program import timed_program
 
         axes = {name: recording.channel(name).axis or "" for name in prediction.programs}
-        program = timed_program(asked.nc, prediction.programs, axes, asked.invert or ())
+        program = timed_program(
+            asked.nc, prediction.programs, axes, [of_axis(one, channels) for one in asked.invert or ()]
+        )
     if program is not None:
         account = replace(account, data={**account.data, "nc": program.as_dict()})
     earlier = [] if out is None else [name for name, mark in _NOT_ALWAYS.items() if begins_with(out / name, mark)]

@@ -16,7 +16,7 @@ from selector.models.design import ListedTerms, rows_of
 from selector.models.least_squares import FaultGain, FittedModel, ValidityHull
 from selector.models.moments import ErrorCurvePoint
 from selector.models.run_before import begun, in_parts
-from selector.recording import RunSource, thinned
+from selector.recording import RunSource, no_channel, thinned
 from selector.selection.candidates import Grouping
 from selector.selection.equal_sets import EqualSets
 from selector.selection.fitting import Fallback, Recipe
@@ -92,15 +92,21 @@ class Proof:
     #: Run that proves nothing → what the model needs and the run does not have
     not_covered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    def parts_of(self, response: str) -> tuple[RunProof, ...]:
+        """What each left-out part says of a response. Raises RecordingError: it was not proved."""
+        if response not in self.per_response:
+            raise no_channel(response, self.per_response)
+        return self.per_response[response]
+
     def rmse_um(self, response: str) -> float:
         """Held-out rmse pooled over all samples [µm]."""
-        parts = self.per_response[response]
+        parts = self.parts_of(response)
         total = sum(part.n_samples for part in parts)
         return math.sqrt(sum(part.rmse_um**2 * part.n_samples for part in parts) / max(total, 1))
 
     def max_um(self, response: str) -> float:
         """Largest held-out error [µm]."""
-        return max((part.max_um for part in self.per_response[response]), default=float("nan"))
+        return max((part.max_um for part in self.parts_of(response)), default=float("nan"))
 
 
 @dataclass(frozen=True)

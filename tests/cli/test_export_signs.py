@@ -12,6 +12,7 @@ from selector.cli import exit_status
 from selector.controllers import Input, ModelFile, Output, Term
 from selector.controllers.guard.decided import is_turned, with_turned_signs
 from selector.controllers.model_file import equations_sha256, kept_sha256, read_model, write_model
+from selector.controllers.self_check import sealed
 from selector.controllers.writers.targets import TARGETS
 
 PATENT = Path(__file__).parents[2] / "fixtures" / "models" / "patent-two-sensors.json"
@@ -65,7 +66,7 @@ def test_only_the_tested_program_is_called_verified(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "digits", ["", "0123456", "nonsense", EQUATIONS[:16], f"st:{EQUATIONS[:16]}", f"python:{EQUATIONS[:7]}"]
+    "digits", ["0", "0123456", "nonsense", EQUATIONS[:16], f"st:{EQUATIONS[:16]}", f"python:{EQUATIONS[:7]}"]
 )
 def test_digits_that_say_nothing_are_refused(tmp_path, capsys, digits):
     said = refused(capsys, PATENT, "--for", "python", "--out", tmp_path / "out", "--sign-verified", "--tested", digits)
@@ -155,3 +156,22 @@ def test_a_fallback_for_another_place_of_the_axis_is_refused():
     output["position"]["reference_m"] += 0.1
     with pytest.raises(ValueError, match="as the model has"):
         ModelFile.model_validate(content)
+
+
+def test_limits_and_sign_may_be_those_of_an_axis(tmp_path, capsys):
+    model = read_model(PATENT)
+    named = model.model_copy(
+        update={
+            "outputs": tuple(of.model_copy(update={"name": f"Verlagerung {of.name}"}) for of in model.outputs),
+            "guard": model.guard.model_copy(update={"limits": ()}), "validation": {}, "test_vectors": (),
+            "guard_vectors": None, "fallbacks": (),
+        }
+    )  # fmt: skip
+    write_model(sealed(named), tmp_path / "model.json")
+    asked = [tmp_path / "model.json", "--for", "python", "--out", tmp_path / "out"]
+    told(capsys, *asked, "--clamp", "Z=40", "--slew", "z=0.5", "--invert", "Z")
+    made = read_model(tmp_path / "out" / "model.json")
+    limits = {one.output: (one.clamp_um, one.slew_um_per_s) for one in made.guard.limits}
+    assert limits["Verlagerung Z"] == (40.0, 0.5)
+    assert [is_turned(output) for output in made.outputs] == [of.axis == "Z" for of in made.outputs]
+    assert "one of Verlagerung Z, Verlagerung Y" in refused(capsys, *asked, "--slew", "X=1")

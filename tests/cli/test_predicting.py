@@ -100,6 +100,20 @@ def test_printed_program_from_the_command_line(one_mode, capfd, method):
     assert method == "modal" or found["modes"] == []
 
 
+def test_a_tolerance_may_be_that_of_an_axis(one_mode, capfd, tmp_path):
+    machine = tmp_path / "machine.toml"
+    machine.write_text(MACHINE.replace("[channels.Z]", '[channels."Verlagerung Z"]\ncolumn = "Z"'), encoding="utf-8")
+    asked = ["--cycle", one_mode.parent / "example.csv", "--method", "piecewise", "--operations", "60,60,60,60,60"]
+    code, out, err = run(
+        capfd, one_mode, "--machine", machine, "--response", "z", *asked, "--tolerance", "Z=10", "--json"
+    )
+    assert code == 0, err
+    assert [line["notation"] for line in json.loads(out)["program"]] == PRINTED
+    code, _, err = run(capfd, one_mode, "--machine", machine, *asked, "--tolerance", "Y=10")
+    assert code == 2
+    assert "one of Verlagerung Z" in err
+
+
 def fixture_prediction(capfd, *arguments):
     code, out, err = run(capfd, FIXTURES / "tests", "--machine", FIXTURES / "machine.toml", *arguments, "--json")
     assert code == 0, err

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from selector.errors import OptionError
+from selector.errors import OptionError, RecordingError
 from selector.findings import Finding
 from selector.selection import Options, select
 from tests.models.runs import InPieces, recording
@@ -51,6 +51,13 @@ class TestInStatsmodels:
             plain.statsmodels_results("Z", machine(seed=7))
         assert refused.value.where == "statsmodels_results"
         assert f" {plain.models['Z'].n_samples} samples" in refused.value.expected
+
+
+def test_an_error_of_no_response_says_what_there_is(plain):
+    for errors in (plain.proof.rmse_um, plain.proof.max_um):
+        with pytest.raises(RecordingError) as caught:
+            errors("Q")
+        assert (caught.value.found, caught.value.expected) == ("no channel 'Q'", "one of Z")
 
 
 class TestPlantedTruth:

@@ -12,6 +12,7 @@ from selector.controllers.model_file import ModelFile, Output, OutputLimits, wit
 from selector.errors import OptionError
 from selector.findings import Finding
 from selector.json_text import fields_of
+from selector.recording import named_by_axis
 from selector.text_file import shell_word
 
 LARGEST_NUMBER = 1e9  #: What is beyond it, in whatever unit, is no reading, no position and no correction.
@@ -189,14 +190,15 @@ def with_turned_signs(model: ModelFile, outputs: Collection[str]) -> ModelFile:
     Displacements, and so the formulas and test vectors, stay as they are. Naming an output twice is naming it once, so
     that the same words give the same program from the model and from the copy of it that an export leaves.
     """
-    names = [output.name for output in model.outputs]
-    for name in outputs:
-        if name not in names:
-            raise OptionError(
-                f"no output {name!r}",
-                expected="one of " + ", ".join(names),
-                where="--invert",
-                advice="correct the name",
-            )
+    turned = [named_output(model, name, "--invert") for name in outputs]
+    return with_signs(model, lambda output: WITH if output.name in turned else output.sign)
 
-    return with_signs(model, lambda output: WITH if output.name in outputs else output.sign)
+
+def named_output(model: ModelFile, name: str, option: str) -> str:
+    """The output that an option names, by its own name or by its axis. Raises OptionError: there is none."""
+    axes = {output.name: output.axis for output in model.outputs}
+    found = named_by_axis(name, axes)
+    if found not in axes:
+        expected = "one of " + ", ".join(axes)
+        raise OptionError(f"no output {name!r}", expected=expected, where=option, advice="correct the name")
+    return found
