@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import InputError, ReadError, RecordingError, UnitError
-from selector.readers import Machine, machine, machine_text, write_machine_file
+from selector.readers import Machine, Overrides, machine, machine_text, read, write_machine_file
 from selector.readers.machine_file import (
     WHOLE,
     ChannelSection,
@@ -17,6 +17,7 @@ from selector.readers.machine_file import (
     TimeSection,
     machine_from_text,
 )
+from selector.recording import of_axis
 from selector.units import CANONICAL_UNITS
 
 EXAMPLE = """
@@ -167,3 +168,17 @@ def test_a_value_of_the_wrong_kind_is_shown_as_it_stands_in_the_file(text: str, 
         machine_from_text(text, "m.toml")
     assert caught.value.found == found
     assert caught.value.expected.startswith(expected)
+
+
+@pytest.mark.parametrize(
+    ("axis", "is_told"), [("Q", True), ("spindle", True), ("Z", False), ("z", False), ("X1", False)]
+)
+def test_an_axis_that_machines_rarely_have_is_told(tmp_path: Path, axis: str, is_told: bool) -> None:
+    rows = "".join(f"{60 * k},{20 + k / 4},{k / 2}\n" for k in range(30))
+    (tmp_path / "r1.csv").write_text("t_s,T1_degC,Grow_um\n" + rows, encoding="utf-8")
+    told = f'[channels.Grow_um]\nrole = "displacement"\nunit = "um"\naxis = "{axis}"\n'
+    (tmp_path / "machine.toml").write_text(told, encoding="utf-8")
+    reading = read([tmp_path / "r1.csv"], machine=tmp_path / "machine.toml", overrides=Overrides(partial=True))
+    found = [one for one in reading.findings if one.id == "axis-unusual"]
+    assert [(one.where.channel, one.evidence["axis"]) for one in found] == [("Grow_um", axis)] * is_told
+    assert of_axis(axis.upper(), reading.recording.channels) == "Grow_um"

@@ -1,5 +1,6 @@
 """Which channels the recording has, from which columns, with which role, and with which unit in each run."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -380,6 +381,9 @@ def _planned(
     axis = section.axis or guess.axis
     if section.axis is None and guess.axis is not None:
         guessed.append("axis")
+    if axis is not None and guess.role == "displacement" and re.fullmatch("[XYZABCUVW][0-9]?", axis.upper()) is None:
+        told_axis = f"Channel {name!r} is along axis {axis!r}, and machines have X, Y, Z, A, B, C, U, V and W."
+        findings.append(FINDINGS.finding("axis-unusual", told_axis, Where(channel=name), {"axis": axis}))
     if section.place is None and first.description is not None:
         guessed.append("place")
     if unit_guessed and strict and asked_role is not None:
