@@ -15,7 +15,6 @@ import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import out_folder
 from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import Progress, progress_bar
 from selector.cli.shared.showing import AsJson, Everything
@@ -122,7 +121,7 @@ def select(
     from_study: StudyPath = None,
     accept_changes: AcceptChanges = False,
     asked: Asked,
-    out: Annotated[Path | None, out_folder("select --out")] = None,
+    out: Annotated[Path | None, option("select --out")] = None,
     date: Annotated[str | None, option("select --date")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
@@ -193,6 +192,7 @@ def study(source: Source, options: Options, progress: Progress) -> tuple[Selecti
     """Read, inspect and select; the result, and what it was made from."""
     from selector.models.best_subsets.subsets import compile_search
     from selector.selection import select as selected
+    from selector.study.applied import proven_on_control
     from selector.study.material import material_of
 
     progress("compiling the search, which takes a while only once", None)
@@ -202,7 +202,7 @@ def study(source: Source, options: Options, progress: Progress) -> tuple[Selecti
     selection = selected(
         material.source, options, findings=material.findings, provenance=material.provenance, progress=progress
     )
-    return selection, material
+    return proven_on_control(selection, material), material
 
 
 def write_results(

@@ -23,6 +23,7 @@ from selector.fleet.places import local_recordings
 from selector.json_text import json_text
 from selector.readers.files import recording_files
 from selector.selection import select
+from selector.study.applied import proven_on_control
 from selector.study.asked import options_of, overrides_of
 from selector.study.inputs import sha256_of
 from selector.study.material import material_of
@@ -167,6 +168,7 @@ def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answ
         selection = select(
             material.source, options, findings=material.findings, provenance=material.provenance, progress=in_time
         )
+        selection = proven_on_control(selection, material)
         place = task.results / key
         write_whole(place / "selection.json", (json_text(selection.as_dict()) + "\n").encode("utf-8"))
         write_model(model_file_of(selection, material.source.channels, source=material.source), place / "model.json")

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Level, Where
-from selector.quality.finding_table import FINDINGS
+from selector.quality.finding_table import FINDINGS, READINGS_LOST
 from selector.recording import SENSOR_ROLES, Recording
 from selector.types import Array
 
@@ -30,7 +30,7 @@ def bridged(recording: Recording, raw: Recording) -> tuple[Recording, tuple[Find
         frame[name] = np.concatenate(list(filled.values()))
         told = f"{name} has lost {100 * share:.2g} % of its readings one by one."
         level: Level = "warning" if share > FEW_LOST else "info"
-        findings.append(FINDINGS.finding("readings-lost", told, Where(name), {"share": share}, level=level))
+        findings.append(FINDINGS.finding(READINGS_LOST, told, Where(name), {"share": share}, level=level))
     return (recording.with_values(frame) if findings else recording), tuple(findings)
 
 

@@ -1,23 +1,35 @@
 """A model applied to recordings as they were read: what is compared, and what is told of it."""
 
-import dataclasses
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
 
 from selector.controllers.application import (
     Application,
     apply_model,
+    displacement_of,
     displacement_starts,
     known_starts,
     sensor_starts,
     without_displacement_faults,
 )
 from selector.controllers.finding_table import SENSOR_LOOKS_BROKEN
+from selector.controllers.from_selection import model_file_of
+from selector.controllers.guard.decided import with_decided_limits
 from selector.controllers.model_file import ModelFile
+from selector.controllers.replay.parts import reference_answers
+from selector.controllers.replay.replayed import SEEN_MORE, SEEN_MORE_UM, rows_of_run
 from selector.findings import Finding, Where
+from selector.number_text import listed
 from selector.readers import Reading
 from selector.recording import Recording
+from selector.selection import Selection
 from selector.study.finding_table import FINDINGS
+from selector.study.material import Material
+
+MOST_ROWS = 200_000  #: Of more the program is not run for a study: it takes a tenth of a millisecond a row.
 
 
 def applied(model: ModelFile, reading: Reading) -> tuple[Application, Recording]:
@@ -30,7 +42,38 @@ def applied(model: ModelFile, reading: Reading) -> tuple[Application, Recording]
     told = [finding for finding in quality if not any(_says_the_same(other, finding) for other in application.findings)]
     of_starts = (*_without_start(starts), *_not_zeroed(displacement_starts(model, compared)))
     findings = (*reading.findings, *told, *of_starts, *application.findings)
-    return dataclasses.replace(application, findings=findings), compared
+    return replace(application, findings=findings), compared
+
+
+def proven_on_control(selection: Selection, material: Material) -> Selection:
+    """The selection, and what a control leaves that loses the readings which were filled in for the study."""
+    lost, filled = material.lost, material.source
+    if lost is None or not isinstance(filled, Recording) or len(lost.frame) > MOST_ROWS:
+        return selection
+    model = with_decided_limits(model_file_of(selection, filled.channels, source=filled))
+    left_um, filled_um = _left_um(model, lost), _left_um(model, filled)
+    more = [name for name, um in filled_um.items() if left_um[name] > um + max(SEEN_MORE_UM, SEEN_MORE * um)]
+    if not more:
+        return selection
+    of = listed([f"{left_um[name]:.2g} µm rms of {name} ({filled_um[name]:.2g} if it has them all)" for name in more])
+    says = f"A control that loses readings as these recordings do leaves {of}: each time it leaves the model."
+    evidence = {"program_rmse_um": left_um, "filled_rmse_um": filled_um}
+    return replace(
+        selection, findings=(*selection.findings, FINDINGS.finding("lost-readings-cost", says, evidence=evidence))
+    )
+
+
+def _left_um(model: ModelFile, recording: Recording) -> dict[str, float]:
+    """What the guarded program of a model leaves of each output over all runs [µm rms]."""
+    starts, errors = displacement_starts(model, recording), {output.name: [np.zeros(0)] for output in model.outputs}
+    for run in recording.runs:
+        correction_um = reference_answers(model, rows_of_run(model, recording, run)).correction_um
+        for k, output in enumerate(model.outputs):
+            recorded_um = displacement_of(output, recording, run) - starts[run].get(output.name, 0.0)
+            before = len(correction_um) - len(recorded_um)
+            zero_um = correction_um[before, k] if before else 0.0
+            errors[output.name].append(recorded_um + correction_um[before:, k] - zero_um)
+    return {name: float(np.sqrt(np.nanmean(np.concatenate(parts) ** 2))) for name, parts in errors.items()}
 
 
 def _says_the_same(said: Finding, finding: Finding) -> bool:

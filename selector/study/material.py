@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from selector.findings import Finding, Where
-from selector.quality import StreamWithoutFaults, inspect, usable
+from selector.quality import StreamWithoutFaults, inspect, usable, without_faults
+from selector.quality.finding_table import READINGS_LOST
 from selector.readers import Overrides, Reading, is_large, machine, read, stream_parquet
 from selector.readers.files import recording_files
 from selector.readers.finding_table import FILES_SKIPPED, FINDINGS
@@ -32,6 +33,7 @@ class Material:
     files: tuple[tuple[str, str], ...] = ()
     machine_file: str | None = None
     beside: tuple[Finding, ...] = ()
+    lost: Recording | None = None  #: The source without the lost readings that were filled in; None: none were
 
 
 def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Overrides) -> Material:
@@ -51,6 +53,7 @@ def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Over
         reading.files,
         reading.machine_file,
         beside_recordings(reading.findings),
+        without_faults(reading.recording, faults) if any(one.id == READINGS_LOST for one in faults) else None,
     )
 
 

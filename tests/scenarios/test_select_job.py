@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from selector.cli import exit_status
+from selector.exporting import ExportOptions, export_model
 from selector.shipped import shipped
 
 NAMES = ["model.json", "report.html", "selection.json", "study.toml"]
@@ -177,6 +178,34 @@ def test_unusable_options(runs, tmp_path, capsys, options, said):
     assert said in captured.err
     assert "What to do" in captured.err
     assert not out.exists()
+
+
+def test_what_a_control_leaves_that_loses_readings_is_what_the_replay_of_its_program_says(runs, tmp_path, capsys):
+    recordings, rng = tmp_path / "runs", np.random.default_rng(1)
+    recordings.mkdir()
+    for file in sorted(runs.glob("*.csv")):
+        table = pd.read_csv(file)
+        for name in (f"T{k}" for k in range(1, 7)):
+            table.loc[rng.random(len(table)) < 0.05, name] = np.nan
+        table.to_csv(recordings / file.name, index=False)
+    study = tmp_path / "study"
+    assert exit_status(["select", str(recordings), "--out", str(study), "--json"]) == 0
+    [told] = [one for one in json.loads(capsys.readouterr().out)["findings"] if one["id"] == "lost-readings-cost"]
+    assert any("lost-readings-cost" in text for text in [(study / "selection.json").read_text(encoding="utf-8")])
+    proof = export_model(study / "model.json", "python", tmp_path / "out", ExportOptions(replay=[recordings])).replay
+    squares = {name: [] for name in told["evidence"]["program_rmse_um"]}
+    for run in proof.runs:
+        for name, of in run.accuracy.items():
+            squares[name].append((of.rmse_um**2, of.n_samples))
+    for name, parts in squares.items():
+        left_um = np.sqrt(np.average([one for one, _ in parts], weights=[n for _, n in parts]))
+        # the same sums in another order
+        assert told["evidence"]["program_rmse_um"][name] == pytest.approx(left_um, rel=1e-9)
+        assert told["evidence"]["filled_rmse_um"][name] < 0.5 * left_um
+
+
+def test_whole_readings_cost_nothing(runs, capsys):
+    assert "lost-readings-cost" not in {one["id"] for one in selection(capsys, str(runs))["findings"]}
 
 
 def test_out_that_is_a_file_is_refused_before_the_work(runs, tmp_path, capsys):
