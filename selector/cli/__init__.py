@@ -68,10 +68,18 @@ def _selector(
 
 
 class _OnceEach(typer.core.TyperCommand):
-    """A command that refuses an option given twice, of which the last alone would count."""
+    """A command that refuses an empty name, which would be the present folder, and an option given twice."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """The arguments that are left. Raises OptionError: an option with one value has two."""
+        """The arguments that are left. Raises OptionError: one is empty, or an option with one value has two."""
+        for before, word in zip([ctx.command_path, *args], args, strict=False):
+            name, _, value = word.partition("=") if word.startswith("--") and "=" in word else (before, "", word)
+            if not value.strip(" ") and name != "--separator":
+                where = name if name.startswith("-") else f"behind {name}"
+                raise OptionError(
+                    "an empty name", expected="a name or a value", where=where,
+                    advice="leave it out, or fill it in; a variable of your script may be empty",
+                )  # fmt: skip
         _, _, given = self.make_parser(ctx).parse_args(args=list(args))
         for one in given:
             single = isinstance(one, typer.core.TyperOption) and not (one.multiple or one.is_flag)

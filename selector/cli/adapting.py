@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from selector.atomic_file import require_writable_folder
 from selector.cli.models import Model
 from selector.cli.shared import showing
-from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
+from selector.cli.shared.files import refuse_folder_of_inputs
 from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson, Everything
@@ -62,11 +62,9 @@ class Asked:
         seconds = float(found[1]) * _SECONDS[found[2]] if found else 0.0
         if not 0.0 < seconds < math.inf:
             raise OptionError(
-                repr(self.every[:40]),
-                expected="a time above 0 with its unit: s, min, h or d",
-                where="--every",
+                repr(self.every[:40]), expected="a time above 0 with its unit: s, min, h or d", where="--every",
                 advice="e.g. --every 2h, --every 90min or --every 3600s",
-            )
+            )  # fmt: skip
         return seconds
 
 
@@ -75,7 +73,7 @@ def adapt(
     source: Source,
     model: Model,
     asked: Asked,
-    out: Annotated[Path | None, out_folder("adapt --out")] = None,
+    out: Annotated[Path | None, option("adapt --out")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

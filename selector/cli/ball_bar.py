@@ -5,7 +5,7 @@ from typing import Annotated
 
 from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
+from selector.cli.shared.files import refuse_folder_of_inputs
 from selector.cli.shared.option_table import argument, option, unusable_option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
@@ -18,7 +18,7 @@ def ballbar(
     axes: Annotated[str | None, option("ballbar --axes")] = None,
     lead: Annotated[list[str] | None, option("ballbar --lead")] = None,
     reset_time: Annotated[list[str] | None, option("ballbar --reset-time")] = None,
-    out: Annotated[Path | None, out_folder("ballbar --out")] = None,
+    out: Annotated[Path | None, option("ballbar --out")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

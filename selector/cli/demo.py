@@ -10,15 +10,13 @@ import typer
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.selecting import study, write_results
 from selector.cli.shared import showing
-from selector.cli.shared.files import out_folder
+from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source
 
 
-def demo(
-    out: Annotated[Path, out_folder("demo --out")] = Path("selector-demo"), everything: Everything = False
-) -> None:
+def demo(out: Annotated[Path, option("demo --out")] = Path("selector-demo"), everything: Everything = False) -> None:
     """Runs the main job on two shipped recordings and ends with the path of a report.
 
     First a real spindle, recorded for 40 hours with 16 thermometers and five probes; then the eight-sensor example of
@@ -50,7 +48,7 @@ def demo(
             account = selection_account(selection, material.description)
             # the sentences of the reconstruction have its numbers
             shown = account if everything or name == first else replace(account, answer=None)
-            showing.show_account(console, shown, everything=everything)
+            showing.show_account(console, shown, everything=everything, rest="--all")
             showing.show_findings(console, selection.findings, everything=everything, most=1)
             (folder / name).mkdir()
             write_results(selection, account, material, folder / name)

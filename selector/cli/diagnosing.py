@@ -7,7 +7,7 @@ import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import diagnosed, showing
-from selector.cli.shared.files import out_folder
+from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
@@ -22,7 +22,7 @@ def diagnose(
     from_study: StudyPath = None,
     accept_changes: AcceptChanges = False,
     asked: diagnosed.Asked,
-    out: Annotated[Path | None, out_folder("diagnose --out")] = None,
+    out: Annotated[Path | None, option("diagnose --out")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

@@ -7,7 +7,6 @@ from typing import Annotated
 
 from selector.cli.models import Model
 from selector.cli.shared import showing
-from selector.cli.shared.files import out_folder
 from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson, Everything
@@ -21,7 +20,7 @@ def export(
     source: Source,
     model: Model,
     target: Annotated[str, option("export --for")],
-    out: Annotated[Path, out_folder("export --out")],
+    out: Annotated[Path, option("export --out")],
     clamp: Annotated[list[str] | None, option("export --clamp")] = None,
     slew: Annotated[list[str] | None, option("export --slew")] = None,
     margin: Annotated[float, option("export --margin")] = 0.0,

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from selector.atomic_file import require_writable_folder
 from selector.cli.models import Model
 from selector.cli.shared import showing
-from selector.cli.shared.files import out_folder, written_folder
 from selector.cli.shared.option_table import argument, option
 from selector.cli.shared.showing import AsJson
 from selector.errors import CancelledError, OptionError
@@ -26,7 +25,7 @@ Cycles = Annotated[int | None, option("live --cycles", min=1)]
 
 def collect(
     io: Annotated[Path, argument("collect IO.toml")],
-    out: Annotated[Path, option("collect --out", parser=written_folder)],
+    out: Annotated[Path, option("collect --out")],
     cycles: Cycles = None,
     as_json: AsJson = False,
 ) -> None:
@@ -53,7 +52,7 @@ def collect(
 def compensate(
     model: Model,
     io: Annotated[Path, option("compensate --io")],
-    out: Annotated[Path, out_folder("compensate --out")] = Path("live"),
+    out: Annotated[Path, option("compensate --out")] = Path("live"),
     cycles: Cycles = None,
     fast: Annotated[bool, option("compensate --fast")] = False,
     as_json: AsJson = False,

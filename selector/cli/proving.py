@@ -7,7 +7,7 @@ from typing import Annotated
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import out_folder, write_answer
+from selector.cli.shared.files import write_answer
 from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson
@@ -24,7 +24,7 @@ def prove(
     jobs: Annotated[int | None, option("prove --jobs", min=1)] = None,
     list_only: Annotated[bool, option("prove --list")] = False,
     write_cases: Annotated[Path | None, option("prove --write-cases")] = None,
-    out: Annotated[Path | None, out_folder("prove --out")] = None,
+    out: Annotated[Path | None, option("prove --out")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Proves blind that what a simulation left out is found: cases with sealed answers, scores beside their goals.

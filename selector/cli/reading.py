@@ -11,7 +11,6 @@ from selector.atomic_file import (
     require_writable_folder,
 )
 from selector.cli.shared import showing
-from selector.cli.shared.files import out_folder
 from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
@@ -73,7 +72,7 @@ def describe(
 @with_source
 def convert(
     source: Source,
-    out: Annotated[Path, out_folder("convert --out")],
+    out: Annotated[Path, option("convert --out")],
     table_format: Annotated[Literal["csv", "parquet"], option("convert --format")] = "csv",
     lake: Annotated[bool, option("convert --lake")] = False,
     as_json: AsJson = False,

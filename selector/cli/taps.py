@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
+from selector.cli.shared.files import refuse_folder_of_inputs
 from selector.cli.shared.option_table import argument, option, unusable_option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
@@ -21,7 +21,7 @@ def taps(
     window: Annotated[float | None, option("taps --window")] = None,
     band: Annotated[tuple[float, float] | None, option("taps --band")] = None,
     free: Annotated[list[str] | None, option("taps --free")] = None,
-    out: Annotated[Path | None, out_folder("taps --out")] = None,
+    out: Annotated[Path | None, option("taps --out")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

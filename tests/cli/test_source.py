@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import typer
 
+from selector.cli import exit_status as app_status
 from selector.cli.shared.running import exit_status
 from selector.cli.shared.source import Source, pairs, with_source
 from selector.errors import OptionError
@@ -63,3 +64,18 @@ def test_options_that_cannot_be_used(wrong, tmp_path):
     path.write_text("t [s],T1 [degC],Z [um]\n0,20,0\n60,21,1\n120,22,2\n", encoding="utf-8")
     with pytest.raises(OptionError):
         Source(runs=[path], **wrong).reading()
+
+
+@pytest.mark.parametrize("line", [["describe", ""], ["describe", "r1.csv", " "], ["select", "r1.csv", "--machine="]])
+def test_an_empty_name_is_not_the_present_folder(line, capsys):
+    assert app_status(line) == 2
+    said = capsys.readouterr().err
+    assert "an empty name" in said
+    assert line[-2 if len(line) == 3 and line[-1] == " " else -1].rstrip("= ") in said
+
+
+def test_a_blank_may_separate(tmp_path, capsys):
+    file = tmp_path / "r1.csv"
+    file.write_text("t_s T1_degC\n" + "".join(f"{k} 2{k}.5\n" for k in range(6)), encoding="utf-8")
+    assert app_status(["describe", str(file), "--separator", " "]) == 0
+    assert "T1" in capsys.readouterr().out

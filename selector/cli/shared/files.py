@@ -2,10 +2,8 @@
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 from selector.atomic_file import folder_written_whole
-from selector.cli.shared.option_table import option
 from selector.errors import OptionError
 from selector.telling.account import Account
 
@@ -36,20 +34,3 @@ def refuse_folder_of_inputs(out: Path, inputs: Iterable[str | Path]) -> None:
                 expected="a folder that holds no recording, duty cycle or machine file of this command",
                 advice="choose another folder, e.g. one inside of it",
             )  # fmt: skip
-
-
-def written_folder(text: str | Path) -> Path:
-    """The folder that an option names. Raises OptionError: it names none."""
-    if not str(text).strip():
-        raise OptionError(
-            "an empty name",
-            expected="the name of a folder to write into",
-            where="--out",
-            advice="e.g. --out results; a variable of your script may be empty",
-        )
-    return Path(text)
-
-
-def out_folder(key: str) -> Any:
-    """The option --out of a command that writes into a folder, as the table of options has it."""
-    return option(key, parser=written_folder)
