@@ -194,7 +194,7 @@ def test_an_answer_of_many_tables_fits_a_screen_and_says_where_the_rest_is(width
     assert "Table 0" in shown[False]
     assert "Table 4" not in shown[False]
     assert "--all shows" in shown[False]
-    assert "more rows are not shown; --json has them" in shown[False]  # not every command makes a page
+    assert "more rows are not shown; --all has them" in shown[False]
     assert shown[True].count("_29") == 5
     assert "--all" not in shown[True]
 

@@ -103,10 +103,13 @@ MOST_SCREEN, MOST_LINES, LEAST_ROWS, LEAST_FINDINGS = 38, 28, 3, 2
 Everything = Annotated[bool, option("answers --all")]
 
 
-def show_account(console: Console, account: Account, *, everything: bool = False, most_lines: int = 10**6) -> bool:
+def show_account(
+    console: Console, account: Account, *, everything: bool = False, most_lines: int = 10**6, rest: str = "--json"
+) -> bool:
     """What an account says, in sentences and in the tables that answer the question; what several note is said once.
 
     Of `most_lines` those tables are shown, the first ones, that there is room for; returned is whether some were not.
+    `rest` is the option that shows the rows which are left out.
     """
     console.print(_harmless(account.title), style="bold", markup=False, soft_wrap=True)
     for sentence in account.sentences:
@@ -124,7 +127,7 @@ def show_account(console: Console, account: Account, *, everything: bool = False
     noted = {one.note for one in (account.answer, *known) if one is not None and is_brief}
     if account.answer is not None:
         numbers = Captioned("In numbers", account.answer)
-        show_captioned(console, numbers, "", most=most, noted=noted)
+        show_captioned(console, numbers, "", most=most, noted=noted, rest=rest)
         room -= len(console.render_lines(_table_of(numbers, "In numbers", most), pad=False))
     is_whole, is_begun = True, False
     for section in chosen:
@@ -136,7 +139,7 @@ def show_account(console: Console, account: Account, *, everything: bool = False
                 fit, is_begun = (fit if is_begun or fit != 0 else LEAST_ROWS), True
                 is_whole &= is_brief or fit is None or fit >= len(block.table.rows)
                 if fit != 0:
-                    show_captioned(console, block, section.title, most=fit, noted=noted)
+                    show_captioned(console, block, section.title, most=fit, noted=noted, rest=rest)
             elif isinstance(block, Heading) and block.on_screen:
                 console.print(_harmless(block.text), style="bold", markup=False)
             elif isinstance(block, Note | Paragraph) and block.on_screen:
@@ -170,7 +173,7 @@ def show_answer(console: Console, account: Account, findings: Iterable[Finding],
     told = tuple(findings)
 
     def show(room: int, most: int) -> None:
-        is_whole = show_account(console, account, everything=everything, most_lines=room)
+        is_whole = show_account(console, account, everything=everything, most_lines=room, rest="--all")
         show_findings(console, told, everything=everything, more=account.brief is not None or not is_whole, most=most)
 
     # tables are cut first, then the findings that weigh least
@@ -208,13 +211,14 @@ def show_written(console: Console, place: PurePath, names: Iterable[str] = ()) -
 
 
 def show_captioned(
-    console: Console, told: Captioned, otherwise: str, *, most: int | None = None, noted: set[str] | None = None
-) -> None:
+    console: Console, told: Captioned, otherwise: str, *, most: int | None = None, noted: set[str] | None = None,
+    rest: str = "",
+) -> None:  # fmt: skip
     """A table under its caption, or `otherwise`, with at most so many rows; and its note, unless that was `noted`."""
     rows, said = told.table.rows, set() if noted is None else noted
     console.print(_table_of(told, told.caption or otherwise, most))
     left = 0 if most is None else max(0, len(rows) - most)
-    more = f"{left} more rows are not shown; --json has them. " if left else ""
+    more = f"{left} more rows are not shown; {rest} has them. " if left else ""
     note = more + ("" if told.table.note in said else told.table.note)
     if note:
         console.print(_harmless(note), "", sep="\n", style="dim", markup=False)
