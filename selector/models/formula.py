@@ -17,10 +17,14 @@ LONGEST = 4000
 #: A run of some hundred samples teaches no more coefficients; a formula beyond is a slip, such as ``(…)**3``.
 MOST_TERMS = 100
 WHERE = "--formula"
-EXAMPLE = 'e.g. "Z ~ T1 + T3 + T1:T3"'
+EXAMPLE = (
+    "e.g. 'Z ~ T1 + `oil tank` + T1:T3' in single quotes: most shells run what stands in backticks (cmd.exe: double)"
+)
 _POWER = re.compile(r"^(?:I\()?\s*(?P<name>`[^`]+`|[^\s`*^()]+)\s*(?:\*\*|\^)\s*(?P<power>\d+)\s*\)?$")
 _PROTECTED = re.compile(r"I\([^()]*\)|\{[^{}]*\}")
 _BARE_POWER = re.compile(r"(`[^`]+`|[^\W\d][\w.]*)\s*(?:\*\*|\^)\s*(\d+)")
+_QUOTED = re.compile(r"`[^`]*`")
+_NO_TERM = re.compile(r"[~+:/]\s*(?:[+:*/]|$)|\*\s*(?:[+:/]|$)")
 _ANY_POWER = re.compile(r"(?:\*\*|\^)\s*(\d+)")
 
 
@@ -81,6 +85,8 @@ def _written(text: str) -> Structured[OrderedSet[WrittenTerm]]:
         raise _refused(
             f"{bare.group()} (in this notation the same as {name})", f"I({name}**{power}) for a power of a sensor"
         )
+    if _NO_TERM.search(_QUOTED.sub("x", text)):
+        raise _refused(f"{text!r}, with an operator beside nothing", "a name on both sides of each")
     powers = [int(power) for power in _ANY_POWER.findall(text[:LONGEST])]
     if len(text) > LONGEST or max(powers, default=1) > MAX_DEGREE:
         what = f"{len(text)} characters" if len(text) > LONGEST else f"a power of {max(powers)}"

@@ -210,25 +210,20 @@ def question_of(source: RunSource, options: Options) -> Question:
     displacements = by_role.get("displacement", [])
     sensors = [channel.name for channel in source.channels if channel.role in SENSOR_ROLES]
     listing = ", ".join(f"{channel.name} ({channel.role})" for channel in source.channels)
-    if not displacements:
-        raise OptionError(
-            "no displacement channel",
-            expected="at least one channel with role displacement",
-            where=f"recording with channels {listing}",
-            advice=_NONE,
-        )
+    kinds = (("displacement", displacements, ""), ("temperature", sensors, " or ambient"))
+    for role, found, other in kinds:
+        if not found:
+            raise OptionError(
+                f"no {role} channel",
+                expected=f"at least one channel with role {role}{other}",
+                where=f"recording with channels {listing}",
+                advice=_NONE,
+            )
     formula = options.asked_formula
-    asked = formula.responses if formula else [of_axis(name, source.channels) for name in options.responses]
-    responses = list(dict.fromkeys(asked)) or displacements
+    asked = formula.responses if formula else options.responses
+    responses = list(dict.fromkeys(of_axis(name, source.channels) for name in asked)) or displacements
     for name in responses:
         _known("--formula" if formula else "--response", name, displacements, "a displacement channel")
-    if not sensors:
-        raise OptionError(
-            "no temperature channel",
-            expected="at least one channel with role temperature or ambient",
-            where=f"recording with channels {listing}",
-            advice=_NONE,
-        )
     for option, names in (
         ("--must", options.must),
         ("--never", options.never),

@@ -23,6 +23,7 @@ def written(text: str) -> list[str]:
         ("Z~T1+I(T1**2)+I(T1^3)", ["T1", "T1^2", "T1^3"]),
         ("Z ~ T1 + {T3**2}:T1", ["T1", "T3^2·T1"]),
         ("Z ~ `Öl vorne [°C]` + I(`T 1`**2)", ["Öl vorne [°C]", "T 1^2"]),
+        ("Z ~ `a+ +b` + `T/`", ["a+ +b", "T/"]),
         ("Z ~ 1 + T3 + T1 + T3", ["T3", "T1"]),
         ("Z ~ T1:T3", ["T1·T3"]),
     ],
@@ -43,7 +44,7 @@ def test_several_responses_stand_left_of_the_tilde():
         "Z ~ T1 + T1^2", "Z ~ I(T1**4)", "Z ~ T1:T2:T3:T4", "Z ~ log(T1)", "Z ~ I(T1 + T2)", "Z ~ 0 + T1", "Z ~ 2:T1",
         "log(Z) ~ T1", "Z:Y ~ T1", "Z ~ __import__('os').getcwd()", "Z ~ " + "(" * 5000 + "T1", "Z ~ .", "Z ~ `T1",
         "Z ~ (" + "+".join(f"T{i}" for i in range(30)) + ")**2", "Z ~ T1\x1b[31m", "Z ~ T1 @ T2", "Z ~ T1**2",
-        "Z ~ (T1 + T2)**9",
+        "Z ~ (T1 + T2)**9", "Z ~  + T1", "Z ~ T1 + + T3", "Z ~ T1 : ", "Z ~ T1 + * T3", "+ Z ~ T1 +",
     ],
 )  # fmt: skip
 def test_what_is_no_polynomial_with_an_intercept_is_refused(text):
