@@ -131,10 +131,8 @@ def _machine_of_lake(folder: Path) -> Path:
     if len(machines) > 1:
         raise ReadError(
             f"a lake of {len(machines)} machines ({listed(sorted(path.name for path in machines), 6)})",
-            expected="the recordings of one machine",
-            where=str(folder),
-            advice=f"name one, such as {machines[0]}",
-        )
+            expected="the recordings of one machine", where=str(folder), advice=f"name one, such as {machines[0]}",
+        )  # fmt: skip
     return machines[0] if machines else folder
 
 
@@ -180,11 +178,9 @@ def tables_of(path: Path, overrides: Overrides) -> tuple[list[Table], str]:
             size = path.stat().st_size
             if form in ("delimited", "klippy") and size > MAX_TEXT_BYTES:
                 raise ReadError(
-                    f"{size / 1e9:.1f} GB of text",
-                    expected=f"at most {MAX_TEXT_BYTES / 1e9:.0f} GB",
-                    where=path.name,
+                    f"{size / 1e9:.1f} GB of text", expected=f"at most {MAX_TEXT_BYTES / 1e9:.0f} GB", where=path.name,
                     advice="store the recording as Parquet (it is then read piece by piece), or split it into runs",
-                )
+                )  # fmt: skip
             stream.seek(0)
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
             stream.seek(0)
@@ -209,11 +205,9 @@ def file_format(path: Path, head: bytes) -> str:
     """The key of `_READERS` for a file, by its first bytes, not by its ending."""
     if not head.strip(b"\0 \t\r\n\xef\xbb\xbf\xff\xfe"):
         raise ReadError(
-            "an empty file" if not head else "a file of blanks",
-            expected="a header and at least two rows of numbers",
-            where=path.name,
-            advice="check whether the logger wrote the file, or leave it out",
-        )
+            "an empty file" if not head else "a file of blanks", expected="a header and at least two rows of numbers",
+            where=path.name, advice="check whether the logger wrote the file, or leave it out",
+        )  # fmt: skip
     for magic, what, advice in _FOREIGN:
         if head.startswith(magic):
             raise ReadError(what, expected="a recording", where=path.name, advice=advice)

@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WrapValidator
 
 from selector.findings import Finding
+from selector.json_text import fields_of
 from selector.models.design import Datum, Design, Form, Lag, ListedTerms, Scaling, Term
 from selector.models.least_squares import Diagnostics, FaultGain, FittedModel, ValidityHull
 from selector.models.moments import ErrorCurvePoint
@@ -193,10 +194,7 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
     low, high = (np.array([told.valid_range[name][end] for name in recipe.design.variables]) for end in (0, 1))
     names = tuple(models)
     return Selection(
-        options=told.options,
-        sensors=told.sensors,
         grouping=_grouping(told),
-        combinations=told.combinations,
         chosen=told.chosen.sensors,
         because=told.chosen.because,
         reasons=told.chosen.reasons,
@@ -214,11 +212,8 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
             {name: told.proof.baselines_um[name] for name in names},
             told.proof.not_covered,
         ),
-        faults=told.faults,
         hull=_hull(told, low, high),
-        stability=told.stability,
-        findings=told.findings,
-        provenance=told.provenance,
+        **fields_of(told, "options", "sensors", "combinations", "faults", "stability", "findings", "provenance"),
         known=told.proof.known,
         equal=None if told.equal_sets is None else _equal_sets(told.equal_sets, names),
     )
@@ -304,15 +299,11 @@ def _model(name: str, told: _ModelPart) -> FittedModel:
         classical_covariance=np.full_like(covariance, np.nan),
         vif=_array(scaled.vif),
         valid_range=(),
-        n_samples=told.n_samples,
-        r2=told.r2,
-        adjusted_r2=told.adjusted_r2,
-        rmse_um=told.rmse_um,
         residual_sd_um=float("nan"),
         diagnostics=Diagnostics(
             told.durbin_watson, told.ljung_box_p, told.condition_number, told.max_cooks_distance, 0
         ),
-        ridge=told.ridge,
+        **fields_of(told, "n_samples", "r2", "adjusted_r2", "rmse_um", "ridge"),
     )
 
 

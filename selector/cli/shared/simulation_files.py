@@ -31,11 +31,9 @@ def require_inputs_for_machine(machine: Path | None, inputs: Sequence[Path] | No
     """Refuses a machine file that describes no recordings. Raises OptionError: `--machine` without `--inputs`."""
     if machine is not None and not inputs:
         raise OptionError(
-            "--machine without --inputs",
-            expected="recordings that the machine file describes",
-            where="--machine",
+            "--machine without --inputs", expected="recordings that the machine file describes", where="--machine",
             advice="add --inputs RUN, or leave --machine out",
-        )
+        )  # fmt: skip
 
 
 def own_destination(
@@ -51,11 +49,9 @@ def own_destination(
         return _folder(out, tuple(runs), why_folder, report, read)
     if out.suffix.lower() != ".csv":
         raise OptionError(
-            f"{out.name!r}",
-            expected="a file that ends in .csv",
-            where="--out",
+            f"{out.name!r}", expected="a file that ends in .csv", where="--out",
             advice="name the recording, e.g. --out run1.csv; only several runs go into a folder",
-        )
+        )  # fmt: skip
     return _checked(Destination({runs[0] or out.stem or "simulation": out}, _beside(out)), report, read)
 
 
@@ -80,11 +76,9 @@ def require_free_folder(out: Path, why_folder: str) -> None:
     """
     if out.exists() and not out.is_dir() and out.suffix.lower() != ".csv":
         raise OptionError(
-            "a file of this name exists",
-            expected=f"a folder, or a name that is free: {why_folder}",
-            where=f"--out {out}",
-            advice="choose another name",
-        )
+            "a file of this name exists", expected=f"a folder, or a name that is free: {why_folder}",
+            where=f"--out {out}", advice="choose another name",
+        )  # fmt: skip
 
 
 def _folder(
@@ -94,11 +88,9 @@ def _folder(
 
     if out.suffix.lower() == ".csv" and not out.is_dir():
         raise OptionError(
-            f"{out.name!r} for {len(runs)} runs",
-            expected=f"a folder: {why_folder}",
-            where=f"--out {out}",
+            f"{out.name!r} for {len(runs)} runs", expected=f"a folder: {why_folder}", where=f"--out {out}",
             advice="name a folder, e.g. --out simulated",
-        )
+        )  # fmt: skip
     require_free_folder(out, why_folder)
     return _checked(Destination(run_files(runs, out, "csv"), out / "machine.toml"), report, read)
 

@@ -131,11 +131,9 @@ def halrun_columns(
     missing = missing_program()
     if missing is not None:
         raise NotExecutableError(
-            f"{missing} is not on this machine",
-            expected="LinuxCNC 2.9",
-            where="--replay",
+            f"{missing} is not on this machine", expected="LinuxCNC 2.9", where="--replay",
             advice=f"install it (Debian 12: {INSTALL}), or export without --replay",
-        )
+        )  # fmt: skip
     inputs, outputs = input_pins(model), output_pins(model)
     streamed = [one for one in inputs if one.name not in ("is_homed", "new_start")]
     if max(len(streamed), len(outputs)) > _PINS_OF_FIFO * _FIFOS or len(rows) > LARGEST_REPLAY:
@@ -186,10 +184,8 @@ def installed(source: str, name: str, folder: Path) -> Iterator[None]:
     if done.returncode != 0 or not (folder / f"{name}.so").exists():
         raise OptionError(
             f"halcompile refuses the component: {_last_line(done.stderr)}",
-            expected="LinuxCNC 2.9 with linuxcnc-uspace-dev and a C compiler",
-            where="--replay",
-            advice=INSTALL,
-        )
+            expected="LinuxCNC 2.9 with linuxcnc-uspace-dev and a C compiler", where="--replay", advice=INSTALL,
+        )  # fmt: skip
     modules = Path(command[0]).resolve().parents[1] / "lib/linuxcnc/modules"
     module = modules / f"{name}.so"
     former = module.read_bytes() if module.exists() else None
@@ -239,27 +235,21 @@ def halrun(text: str, folder: Path, timeout_s: float) -> str:
         # its realtime part is a process of its own; halrun -U ends the session that was started here
         subprocess.run([program, "-U"], env=env, capture_output=True, timeout=30, check=False)  # noqa: S603
         raise OptionError(
-            f"LinuxCNC does not end after {timeout_s:.0f} s",
-            expected="a few seconds for every 10000 rows",
-            where="--replay",
-            advice="replay a part of the recording, or export without --replay",
-        ) from None
+            f"LinuxCNC does not end after {timeout_s:.0f} s", expected="a few seconds for every 10000 rows",
+            where="--replay", advice="replay a part of the recording, or export without --replay",
+        ) from None  # fmt: skip
     said = (folder / "said.txt").read_text(encoding="utf-8", errors="replace")
     if process.returncode == 0:
         return said
     if "already running" in said:
         raise NotExecutableError(
-            "LinuxCNC is running on this machine",
-            expected="no other session: there can be one only",
-            where="--replay",
-            advice="close LinuxCNC, or replay on another machine",
-        )
+            "LinuxCNC is running on this machine", expected="no other session: there can be one only",
+            where="--replay", advice="close LinuxCNC, or replay on another machine",
+        )  # fmt: skip
     raise OptionError(
-        f"halrun: {_last_line(said)}",
-        expected="a session that ends by itself",
-        where="--replay",
+        f"halrun: {_last_line(said)}", expected="a session that ends by itself", where="--replay",
         advice="export without --replay, and tell the authors of selector",
-    )
+    )  # fmt: skip
 
 
 def _path_of(program: str) -> str:
@@ -328,11 +318,9 @@ def _sampled(outputs: list[Pin], n: int, folder: Path) -> dict[str, Array]:
         words = (folder / f"out{k}.txt").read_text(encoding="ascii").split()
         if len(words) != n * len(pins) or "overrun" in words:
             raise OptionError(
-                f"LinuxCNC sampled {len(words)} numbers",
-                expected=f"{n * len(pins)}, {len(pins)} a row",
-                where="--replay",
-                advice="replay once more; this machine may have been too busy",
-            )
+                f"LinuxCNC sampled {len(words)} numbers", expected=f"{n * len(pins)}, {len(pins)} a row",
+                where="--replay", advice="replay once more; this machine may have been too busy",
+            )  # fmt: skip
         table = np.array(words, dtype=np.float64).reshape(n, len(pins))
         columns |= {pin.name: table[:, i] for i, pin in enumerate(pins)}
     return columns

@@ -304,11 +304,9 @@ def fmu_model(path: str | Path, recording: Recording) -> Iterator[FmuModel]:
         import fmpy
     except ImportError as error:
         raise OptionError(
-            "a functional mock-up unit, and no FMPy to run it",
-            expected="the package FMPy",
-            where=str(path),
+            "a functional mock-up unit, and no FMPy to run it", expected="the package FMPy", where=str(path),
             advice="in the folder of selector: pip install '.[fmu]'",
-        ) from error
+        ) from error  # fmt: skip
     if Path(path).exists() and not Path(path).is_file():
         # opening a pipe would wait for ever
         raise ReadError(
@@ -362,9 +360,7 @@ def _made(folder: Path, description: Any, recording: Recording, where: str) -> F
 def _held(values: np.ndarray[Any, np.dtype[np.float64]], run: str, name: str) -> np.ndarray[Any, Any]:
     if not np.isfinite(values).all():
         raise InputError(
-            f"missing values of {name!r} in run {run!r}",
-            expected="a value at every sample: it drives the unit",
-            where=f"channel {name!r}",
-            advice="cut the recording to the stretch that is complete",
-        )
+            f"missing values of {name!r} in run {run!r}", expected="a value at every sample: it drives the unit",
+            where=f"channel {name!r}", advice="cut the recording to the stretch that is complete",
+        )  # fmt: skip
     return values

@@ -11,6 +11,7 @@ from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, NextR
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
 from selector.findings import Finding
+from selector.json_text import fields_of
 from selector.selection.result_file import Number, Part
 
 Perhaps = Number | None
@@ -92,18 +93,15 @@ def diagnosis_of(document: Mapping[str, Any]) -> Diagnosis:
     rows = np.zeros(0, dtype=np.bool_)
     return Diagnosis(
         comparison=Comparison((), (0,), _NOTHING, (), courses, courses, tuple(told.fit), rows),
-        verdict=told.verdict,
         headline=told.headline or told.verdict,
-        where=told.where,
         effects=tuple(one.effect() for one in told.effects),
         also_seen=tuple(one.effect() for one in told.also_seen),
         fit={name: one.fit() for name, one in told.fit.items()},
-        next_runs=told.next_runs,
         recalibration={
             name: _as_fitted({key: one.quantity() for key, one in of.items()})
             for name, of in told.recalibration.items()
         },
-        findings=told.findings,
+        **fields_of(told, "verdict", "where", "next_runs", "findings"),
     )
 
 

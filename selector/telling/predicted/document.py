@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from selector.findings import Finding
+from selector.json_text import fields_of
 from selector.physics.thermal.prediction.answer import Mode, Start
 from selector.physics.thermal.prediction.correction_program import BestOrder, BestWarmUp, CorrectionProgram, Operation
 from selector.physics.thermal.prediction.observer import Observed, Stop
@@ -102,26 +103,20 @@ def prediction_of(document: Mapping[str, Any]) -> Prediction:
     accuracy = [told.accuracy[name] for name in names if name in told.accuracy]
     return Prediction(
         responses=names,
-        method=told.method,
         cyclogram=None,
         time_s=np.array(told.time_s),
         displacement_um=np.array([courses[name] for name in names]).T,
-        modes=told.modes,
         programs={name: _program(lines, told.tolerance_um) for name, lines in of_response.items() if lines},
         residual_um=_errors([one.residual_um for one in accuracy], len(names)),
         heldout_um=_errors([one.heldout_um for one in accuracy], len(names)),
-        findings=told.findings,
         claimed_um=_errors([one.claimed_um for one in accuracy], len(names)),
         left_out_um={
             test: np.array([np.nan if errors.get(name) is None else errors[name] for name in names], dtype=np.float64)
             for test, errors in told.left_out.items()
         },
-        start=told.start,
         temperatures=tuple(told.temperature_k),
-        warm_up=told.warm_up,
-        order=told.order,
         observed=None if told.observed is None else told.observed.again(names),
-        claim_factor=told.claim_factor,
+        **fields_of(told, "method", "modes", "findings", "start", "warm_up", "order", "claim_factor"),
     )
 
 
