@@ -402,3 +402,15 @@ def test_one_hot_part_beside_one_cold_part_is_no_wrong_unit():
         found = inspect(Recording.from_runs({"r": table}, channels))
         told[len(names)] = [one.where.channel for one in found if one.id == "wrong-unit"]
     assert told == {2: [], 3: ["T2"]}
+
+
+@pytest.mark.parametrize(("axis", "is_told"), [("X", False), ("Y", True)])
+def test_a_following_error_of_a_slow_run_is_not_called_mil(axis, is_told):
+    time_s = np.arange(400.0)
+    runs = {}
+    for k, feed in enumerate((1.0, 25.4, 25.4, 25.4)):
+        way = np.sin(0.02 * time_s)
+        runs[f"f{k}"] = pd.DataFrame({"at": 0.1 * way, "E": 20.0 * feed * np.cos(0.02 * time_s)}, index=time_s)
+    channels = [Channel("at", "position_command", "m", axis=axis), Channel("E", "displacement", "um", axis="X")]
+    found = [one for one in inspect(Recording.from_runs(runs, channels)) if one.id == "wrong-unit"]
+    assert [(one.where.channel, one.where.run) for one in found] == [("E", "f0")] * is_told
