@@ -131,7 +131,7 @@ def _touched(file: Path | None, recorded_s: Mapping[str, Vector], model: ModelFi
     if file is None:
         return None
     durations_s = {run: float(time_s[-1] - time_s[0]) for run, time_s in recorded_s.items()}
-    found = read_touch_offs(file, durations_s, [output.name for output in model.outputs])
+    found = read_touch_offs(file, durations_s, {output.name: output.axis for output in model.outputs})
     begins_s = {run: float(time_s[0]) for run, time_s in recorded_s.items()}
     return {
         name: {run: [(begins_s[run] + one.time_s, one.displacement_um) for one in of] for run, of in runs.items()}

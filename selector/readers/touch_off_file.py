@@ -7,6 +7,7 @@ from pathlib import Path
 from selector.csv_text import as_written
 from selector.readers.roles.names import printable_name
 from selector.readers.strict_text import refused, strict_number, strict_rows
+from selector.recording import named_by_axis
 
 LARGEST_UM = 1e6
 _EXAMPLE = "a header such as run,time_s,Z and below it one row a touch-off"
@@ -22,22 +23,24 @@ class TouchOff:
 
 
 def read_touch_offs(
-    path: Path, durations_s: Mapping[str, float], responses: Collection[str]
+    path: Path, durations_s: Mapping[str, float], responses: Mapping[str, str | None]
 ) -> dict[str, dict[str, tuple[TouchOff, ...]]]:
     """Response → run → touch-offs in the order of time, from text with the columns run, time_s and one a response [µm].
 
-    An empty cell is a response that was not probed. `durations_s` has the runs that there are.
+    An empty cell is a response that was not probed. `durations_s` has the runs that there are, `responses` the axis of
+    each, which may stand for its name.
 
     Raises ReadError: the file cannot be read, a column or a run is not known, a cell holds no number, or a time is not
     in its run.
     """
     name = printable_name(path.name)
     rows, mark = strict_rows(path, name, "touch-offs", _EXAMPLE)
-    probed = _responses(rows[0][1], responses, f"{name}, line {rows[0][0]}")
+    header = [named_by_axis(cell, responses) for cell in rows[0][1]]
+    probed = _responses(header, responses, f"{name}, line {rows[0][0]}")
     found: dict[str, dict[str, list[TouchOff]]] = {one: {} for one in probed}
     for line, cells in rows[1:]:
         where = f"{name}, line {line}"
-        row = dict(zip(rows[0][1], cells, strict=True))
+        row = dict(zip(header, cells, strict=True))
         run = as_written(row["run"])
         if run not in durations_s:
             raise refused(

@@ -15,6 +15,7 @@ from selector.controllers import Input, ModelFile, Output, Term, model_json_sche
 from selector.controllers.guard.decided import TouchCode
 from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.model_file import equations_sha256, write_model
+from selector.readers.touch_off_file import TouchOff, read_touch_offs
 
 MACHINE = (
     '[time]\ncolumn = "time_s"\nunit = "s"\n[channels.T1]\nrole = "temperature"\nunit = "degC"\n'
@@ -264,3 +265,9 @@ def test_the_model_with_adaptation_is_another_program(shop, capsys, tmp_path):
     assert equations_sha256(before) != equations_sha256(after)
     changed = {"adaptation": None, "guard_vectors": before.guard_vectors, "digest": before.digest}
     assert after.model_copy(update=changed) == before
+
+
+def test_a_column_of_touch_offs_may_be_called_like_the_axis(tmp_path):
+    (tmp_path / "probe.csv").write_text("run,time_s,z\nd1,60,1.5\n", encoding="utf-8")
+    found = read_touch_offs(tmp_path / "probe.csv", {"d1": 100.0}, {"Verlagerung Z": "Z", "Y": "Y"})
+    assert found == {"Verlagerung Z": {"d1": (TouchOff(60.0, 1.5),)}}
