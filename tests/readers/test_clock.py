@@ -347,3 +347,11 @@ def test_dates_in_another_order_than_was_said_are_told_so(reads):
     with pytest.raises(ReadError) as caught:
         reads(content, machine=machine)
     assert "--date-order" in caught.value.advice
+
+
+def test_a_cyrillic_second_is_one(reads, times):
+    rows = "".join(f"{i};{20 + i},5;{i}\n" for i in range(8))
+    reading = reads("Время, \u0441;T1, \u0441;Z, мкм\n" + rows)
+    assert times(reading) == [float(i) for i in range(8)]
+    assert "time-unit-guessed" not in {finding.id for finding in reading.findings}
+    assert [c.unit_in_file for c in reading.channels] == ["degC", "um"]

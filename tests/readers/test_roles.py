@@ -46,6 +46,11 @@ WARM = np.linspace(20, 30, 50)
         ("Spindellager vorne (Öl) [°C]", "temperature", "degC", None),
         ("T3 [°C] (hinten)", "temperature", "degC", None),
         ("oil flow [l/min]", "flow", "liter/min", None),
+        ("vitesse broche (tr/min)", "spindle_speed", "rpm", None),
+        ("Частота вращения, об/мин", "spindle_speed", "rpm", None),
+        ("obroty wrzeciona [obr/min]", "spindle_speed", "rpm", None),
+        ("T1_degC.2", "temperature", "degC", None),
+        ("Z_um.1", "displacement", "um", "Z"),
     ],
 )
 def test_what_headers_of_shop_floors_mean(header, role, unit, axis):
@@ -55,6 +60,14 @@ def test_what_headers_of_shop_floors_mean(header, role, unit, axis):
     assert (guess.role, guess.unit, guess.axis) == (role, unit, axis)
     assert "role" in guess.guessed
     assert ("unit" in guess.guessed) == (written is None and role != "state")
+
+
+@pytest.mark.parametrize(
+    ("header", "name"),
+    [("T1_degC.2", "T1.2"), ("Частота вращения, об/мин", "Частота вращения"), ("v1.2", "v1.2"), (", °C", ", °C")],
+)
+def test_a_name_keeps_its_number_and_no_mark_of_its_unit(header, name):
+    assert name_and_unit(header)[0] == name
 
 
 @pytest.mark.parametrize("name", ["spindle", "Spindel", "主轴"])

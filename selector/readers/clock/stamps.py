@@ -268,8 +268,8 @@ class NumericClock:
 
 
 def time_unit(text: str | None) -> str | None:
-    """The pint name of a unit of time, or None."""
-    known = parse_unit(text) if text else None
+    """The pint name of a unit of time, or None; the Cyrillic letter that is °C elsewhere is a second here."""
+    known = "s" if text == "\u0441" else parse_unit(text) if text else None
     return known if known is not None and same_dimension(known, "s") else None
 
 

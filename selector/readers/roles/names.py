@@ -30,6 +30,7 @@ _TRAILING = (
     ),
 )
 _SUFFIX = re.compile(r"^(?P<name>.+?)[_.](?P<unit>[A-Za-zµμ°]+(?:_per_[a-z]+|/[a-z]+)?)$")
+_NUMBERED = re.compile(r"\.\d{1,3}$")  #: What is put behind a name that stands twice.
 _SUFFIXES = (
     "um µm μm mm nm degc degf rpm celsius kelvin fahrenheit min sec secs seconds minutes hours ms mil thou inch hz kn "
     "micron microns °c °f mm_per_min m_per_s mm_per_s l_per_min mm/min m/min mm/s m/s l/min r/min u/min 1/min"
@@ -65,11 +66,12 @@ def name_and_unit(header: str, *, time: bool = False) -> tuple[str, str | None]:
     for pattern in _TRAILING:
         match = pattern.match(text)
         if match is not None and not match["unit"].isdigit() and _is_unit(match["unit"]):
-            return match["name"].strip(), match["unit"].strip()
+            return match["name"].strip(" ,;") or header.strip(), match["unit"].strip()
+    text, mark, number = text.rpartition(".") if _NUMBERED.search(text) else (text, "", "")
     match = _SUFFIX.match(text)
     if match is not None and _is_safe_suffix(match["name"], match["unit"], time):
         unit = _SLASH_WORDS.get(match["unit"].lower(), match["unit"])
-        return match["name"].strip(), unit
+        return f"{match['name'].strip()}{mark}{number}", unit
     return header.strip(), None
 
 
