@@ -25,6 +25,7 @@ from selector.sensors.groups import chaining_findings
 from selector.sensors.similarity import similarity_findings
 from selector.types import Array, Indices
 
+ENOUGH_SAMPLES = 20  #: Of a run; with fewer, how well its error is known depends on how many there are.
 PROMISED_FACTOR = 1.5  #: An error that is known better than to this factor is told without a warning.
 #: Standard deviation of the logarithm of errors from run to run before any was seen, and with runs that begin warm from
 #: other work or with memory, which rests on starts; and how many degrees of freedom that counts for.
@@ -301,6 +302,9 @@ def known(selection: Selection, surveyed: Survey, datum: Datum, rows: Rows) -> K
     in_a_row = sum(follows_another(selection.recipe.design.datum.follows, run) for run in surveyed.runs)
     # a start that is a little warm does not show in the sensors, and memory rests on it
     spread = SPREAD_OF_STARTS if warm or selection.recipe.design.lags else SPREAD
+    # so many samples tell their own error to 1 / √(2 n) of it
+    fewest = min(part.n_samples for parts in proof.per_response.values() for part in parts)
+    spread = float(np.sqrt(spread**2 + max(0.5 / max(fewest, 1) - 0.5 / ENOUGH_SAMPLES, 0.0)))
     of_runs = n - min(in_a_row, n - 1) * SHARE_OF_THE_RUN_BEFORE
     factors = {
         name: _factor([part.rmse_um for part in parts], of_runs, spread) for name, parts in proof.per_response.items()

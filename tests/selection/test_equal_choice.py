@@ -166,3 +166,14 @@ def test_what_cannot_be_told_of_one_response_is_told_of_the_other():
     assert "known to a factor of 2.0, Y: how far off on further ones cannot be told from 3" in advice(found)[1][0]
     sure = replace(found, known=replace(found.known, factor=1.02, factors={"Z": 1.01, "Y": 1.02}))
     assert "known to a factor of 1.02)" in advice(sure)[1][0]
+
+
+def test_runs_of_few_samples_are_known_less_well_by_what_a_sample_tells():
+    whole = machine(n_runs=4, n=240)
+    runs = {run: whole.frame.loc[run].iloc[[0, 90, 170, 239]] for run in whole.runs}
+    found = select(Recording.from_runs(runs, whole.channels), Options(max_sensors=1))
+    errors = np.array([part.rmse_um for part in found.proof.per_response["Z"]])
+    logs = np.log(np.maximum(errors, 0.3 * np.sqrt(np.mean(errors**2))))
+    # a usual spread counts for three runs more, and a run of 4 samples is no long one (docs/how-to/few-runs.md)
+    variance = (3 * (0.25**2 + 1 / 8 - 1 / 40) + 3 * logs.var(ddof=1)) / 6
+    assert found.known.factor == pytest.approx(np.exp(stats.t.ppf(0.975, 6) * 2.2 * np.sqrt(variance / 4)), rel=1e-9)
