@@ -166,12 +166,9 @@ def refuse_to_replace_input(path: Path, inputs: Iterable[str | Path], option: st
     Raises OptionError: it is.
     """
     if path.exists() and any(Path(file).exists() and path.samefile(file) for file in inputs):
-        raise OptionError(
-            "this file is one of the inputs, and would be lost",
-            expected="a file that is not read by the same command",
-            where=f"{option} {path}",
-            advice="choose another name",
-        )
+        found = "this file is one of the inputs, and would be lost"
+        expected = "a file that is not read by the same command"
+        raise OptionError(found, expected=expected, where=f"{option} {path}", advice="choose another name")
 
 
 #: Ending → what the beginning of a file holds that this program wrote.
@@ -199,12 +196,8 @@ def require_replaceable(folder: Path, marks: Mapping[str, str], option: str = "-
     ]
     for name in foreign:
         if (folder / name).is_dir():
-            raise OptionError(
-                f"{folder / name} is a folder",
-                expected="a file, or a name that is free",
-                where=option,
-                advice="name a file in it, or another one",
-            )
+            expected, advice = "a file, or a name that is free", "name a file in it, or another one"
+            raise OptionError(f"{folder / name} is a folder", expected=expected, where=option, advice=advice)
     if foreign:
         raise OptionError(
             f"{', '.join(foreign)} in {folder}, which this command did not write",
@@ -225,12 +218,9 @@ def require_writable_folder(folder: Path, option: str, results: Iterable[str] = 
         return
     is_lost = folder.is_symlink() and not folder.exists()
     if is_lost or (folder.exists() and not folder.is_dir()):
-        raise OptionError(
-            "a link that leads nowhere, or to itself" if is_lost else "a file of this name exists",
-            expected="a folder, or a name that is free",
-            where=f"{option} {folder}",
-            advice="choose another name, or remove the link" if is_lost else "choose another name",
-        )
+        found = "a link that leads nowhere, or to itself" if is_lost else "a file of this name exists"
+        advice = "choose another name, or remove the link" if is_lost else "choose another name"
+        raise OptionError(found, expected="a folder, or a name that is free", where=f"{option} {folder}", advice=advice)
     require_replaceable(folder, {name: _OURS.get(Path(name).suffix, _OURS[".json"]) for name in results}, option)
     place = next(parent for parent in (folder.absolute(), *folder.absolute().parents) if parent.exists())
     try:

@@ -159,12 +159,9 @@ def _with_margin(model: ModelFile, target: Target, percent: float) -> tuple[Mode
     """The model with wider valid ranges, and per output how far it then reaches beyond what it has seen."""
     if not 0.0 <= percent <= LARGEST_MARGIN_PERCENT or (percent and not target.has_guard):
         expected = f"a number of % from 0 to {LARGEST_MARGIN_PERCENT:g}"
-        raise OptionError(
-            f"{percent:g}",
-            expected=expected if target.has_guard else f"no margin: {target.title} has no valid range",
-            where="--margin",
-            advice="e.g. --margin 10; what lies farther outside has to be recorded",
-        )
+        expected = expected if target.has_guard else f"no margin: {target.title} has no valid range"
+        advice = "e.g. --margin 10; what lies farther outside has to be recorded"
+        raise OptionError(f"{percent:g}", expected=expected, where="--margin", advice=advice)
     if percent == 0.0:
         return model, ()
 
@@ -197,12 +194,9 @@ def _with_limits(model: ModelFile, target: Target, options: ExportOptions) -> Mo
     ):
         for name, given in values.items():
             if not target.has_guard:
-                raise OptionError(
-                    f"{option} {name}={given}",
-                    expected=f"no limits: {target.title} has neither a clamp nor a slew limit",
-                    where=option,
-                    advice="leave the option out, and limit the temperature that the control passes on",
-                )
+                expected = f"no limits: {target.title} has neither a clamp nor a slew limit"
+                advice = "leave the option out, and limit the temperature that the control passes on"
+                raise OptionError(f"{option} {name}={given}", expected=expected, where=option, advice=advice)
             of = named_output(model, name, option)
             limits = found.get(of, OutputLimits(output=of))
             found[of] = limits.model_copy(update={limit: _limit(given, option, name)})
@@ -218,12 +212,9 @@ def _limit(given: float | str, option: str, name: str) -> float:
         value = math.nan
     if not 0.0 < value < _LIMITS_BELOW:
         unit, example = ("µm", 50) if option == "--clamp" else ("µm/s", 1)
-        raise OptionError(
-            str(given),
-            expected=f"a number above 0 and below {_LIMITS_BELOW:.0f} {unit}",
-            where=f"{option} {name}",
-            advice=f"e.g. {option} {shell_word(name)}={example}",
-        )
+        expected = f"a number above 0 and below {_LIMITS_BELOW:.0f} {unit}"
+        advice = f"e.g. {option} {shell_word(name)}={example}"
+        raise OptionError(str(given), expected=expected, where=f"{option} {name}", advice=advice)
     return value
 
 
@@ -247,12 +238,8 @@ def _of_sign(model: ModelFile, target: str, options: ExportOptions) -> Iterator[
     """What is known of the sign; refuses to call another program verified than the one that was tested."""
     own, tested, is_verified = equations_sha256(model), options.tested, options.is_sign_verified
     if tested is not None and not is_verified:
-        raise OptionError(
-            "--tested alone",
-            expected="--sign-verified beside it",
-            where="--tested",
-            advice="say --sign-verified when the sign test was passed, or leave --tested out",
-        )
+        advice = "say --sign-verified when the sign test was passed, or leave --tested out"
+        raise OptionError("--tested alone", expected="--sign-verified beside it", where="--tested", advice=advice)
     on, _, digits = (tested or "").rpartition(":")
     if tested is not None and (on != target or len(digits) < _FEWEST_DIGITS or not own.startswith(digits.lower())):
         raise OptionError(

@@ -66,12 +66,8 @@ def within(run: TimedRun, overrides: Overrides) -> TimedRun | None:
 def require_some(runs: Sequence[TimedRun], overrides: Overrides) -> None:
     """Ends with an error where nothing is left of any run. Raises ReadError: so it is."""
     if not runs and not overrides.has_window:
-        raise ReadError(
-            f"runs that are no longer than {overrides.mean_s:g} s",
-            expected="at least two means of a run",
-            where="--mean-s",
-            advice="take means over fewer seconds",
-        )
+        found, expected = f"runs that are no longer than {overrides.mean_s:g} s", "at least two means of a run"
+        raise ReadError(found, expected=expected, where="--mean-s", advice="take means over fewer seconds")
     if not runs:
         raise _nothing(overrides, "fewer than two samples, or means, in each of these recordings")
 
@@ -92,12 +88,9 @@ def thinning(rows: int, runs: Sequence[TimedRun], outside: Sequence[str], overri
 
 def _cut(run: TimedRun, since: datetime.datetime, until: datetime.datetime) -> TimedRun:
     if run.start is None:
-        raise OptionError(
-            f"run {run.name}, whose clock has no date",
-            expected="recordings with date and time",
-            where=WINDOW,
-            advice="leave the two options out, or name the column with the date (--time-column)",
-        )
+        expected = "recordings with date and time"
+        advice = "leave the two options out, or name the column with the date (--time-column)"
+        raise OptionError(f"run {run.name}, whose clock has no date", expected=expected, where=WINDOW, advice=advice)
     begins = datetime.datetime.fromisoformat(run.start).replace(tzinfo=None)
     low, high = ((end - begins).total_seconds() for end in (since, until))
     shown = own_clock_s(run.time_s, run.findings, run.period_s)
@@ -171,12 +164,9 @@ def _window(overrides: Overrides) -> tuple[datetime.datetime, datetime.datetime]
     since = _BEGIN if overrides.since is None else _moment(overrides.since, "--since")
     until = _END if overrides.until is None else _moment(overrides.until, "--until")
     if not since < until:
-        raise OptionError(
-            f"a window from {overrides.since} to {overrides.until}",
-            expected="an end after the beginning",
-            where=WINDOW,
-            advice="the end itself is not in the window: --since 2026-03-01 --until 2026-04-01 is all of March",
-        )
+        found = f"a window from {overrides.since} to {overrides.until}"
+        advice = "the end itself is not in the window: --since 2026-03-01 --until 2026-04-01 is all of March"
+        raise OptionError(found, expected="an end after the beginning", where=WINDOW, advice=advice)
     return since, until
 
 
@@ -186,12 +176,8 @@ def _moment(text: str, where: str) -> datetime.datetime:
     except ValueError:
         moment = None
     if moment is None or moment.tzinfo is not None:
-        raise OptionError(
-            repr(text),
-            expected="a date, or date and time, by the clock of the recordings",
-            where=where,
-            advice="e.g. 2026-03-01 or 2026-03-01T06:00",
-        )
+        expected = "a date, or date and time, by the clock of the recordings"
+        raise OptionError(repr(text), expected=expected, where=where, advice="e.g. 2026-03-01 or 2026-03-01T06:00")
     return moment
 
 

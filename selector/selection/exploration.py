@@ -224,12 +224,8 @@ class Exploration:
         )
         unusable = [name for name in now.must if name not in self.available]
         if unusable:
-            raise OptionError(
-                ", ".join(unusable),
-                expected="a sensor that can be used: " + ", ".join(self.available),
-                where="--must",
-                advice="take it out of --must",
-            )
+            expected = "a sensor that can be used: " + ", ".join(self.available)
+            raise OptionError(", ".join(unusable), expected=expected, where="--must", advice="take it out of --must")
         sensors = allowed_sensors(self.available, now)
         return replace(self, question=replace(self.question, options=now, sensors=sensors))
 
@@ -309,12 +305,9 @@ class Exploration:
         wanted = tuple(name for name in self.available if name in set(sensors))
         unknown = [name for name in sensors if name not in self.available]
         if unknown or not wanted:
-            raise OptionError(
-                ", ".join(unknown) or "no sensor",
-                expected="sensors that can be used: " + ", ".join(self.available),
-                where="set of sensors",
-                advice="take another set",
-            )
+            found = ", ".join(unknown) or "no sensor"
+            expected = "sensors that can be used: " + ", ".join(self.available)
+            raise OptionError(found, expected=expected, where="set of sensors", advice="take another set")
         if wanted not in self._sets:
             self._sets[wanted] = fixed_set(wanted, self.folds, self.bench, self.ranges)
         return self._sets[wanted]

@@ -210,15 +210,10 @@ def question_of(source: RunSource, options: Options) -> Question:
     displacements = by_role.get("displacement", [])
     sensors = [channel.name for channel in source.channels if channel.role in SENSOR_ROLES]
     listing = ", ".join(f"{channel.name} ({channel.role})" for channel in source.channels)
-    kinds = (("displacement", displacements, ""), ("temperature", sensors, " or ambient"))
-    for role, found, other in kinds:
-        if not found:
-            raise OptionError(
-                f"no {role} channel",
-                expected=f"at least one channel with role {role}{other}",
-                where=f"recording with channels {listing}",
-                advice=_NONE,
-            )
+    for role, there, other in (("displacement", displacements, ""), ("temperature", sensors, " or ambient")):
+        if not there:
+            found, expected = f"no {role} channel", f"at least one channel with role {role}{other}"
+            raise OptionError(found, expected=expected, where=f"recording with channels {listing}", advice=_NONE)
     formula = options.asked_formula
     asked = formula.responses if formula else options.responses
     responses = list(dict.fromkeys(of_axis(name, source.channels) for name in asked)) or displacements
@@ -246,23 +241,15 @@ def allowed_sensors(sensors: Iterable[str], options: Options) -> tuple[str, ...]
     """
     allowed = tuple(name for name in sensors if name not in options.never)
     if not allowed:
-        raise OptionError(
-            "every sensor is excluded",
-            expected="at least one sensor left",
-            where="--never",
-            advice="take a sensor out of --never",
-        )
+        expected, advice = "at least one sensor left", "take a sensor out of --never"
+        raise OptionError("every sensor is excluded", expected=expected, where="--never", advice=advice)
     return allowed
 
 
 def _known(option: str, name: str, known: Sequence[str], what: str) -> None:
     if name not in known:
-        raise OptionError(
-            f"{name!r}",
-            expected=f"{what}: " + ", ".join(known),
-            where=option,
-            advice="correct the name; `selector describe` lists the channels, and the faults for which one is left out",
-        )
+        advice = "correct the name; `selector describe` lists the channels, and the faults for which one is left out"
+        raise OptionError(f"{name!r}", expected=f"{what}: " + ", ".join(known), where=option, advice=advice)
 
 
 Progress = Callable[[str, float], None]  #: Called with what is being done and the share that is done.

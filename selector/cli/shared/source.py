@@ -155,18 +155,10 @@ def pairs(values: list[str] | None, option: str) -> dict[str, str]:
         # units hold no "=", channel names may
         name, mark, right = (part.strip() for part in value.rpartition("="))
         if not (mark and name and right):
-            raise OptionError(
-                f"{value!r}",
-                expected="NAME=VALUE",
-                where=option,
-                advice=f"write it as {option} NAME=VALUE, in quotes if it has blanks, once for each name",
-            )
+            advice = f"write it as {option} NAME=VALUE, in quotes if it has blanks, once for each name"
+            raise OptionError(f"{value!r}", expected="NAME=VALUE", where=option, advice=advice)
         if name in found:
-            raise OptionError(
-                f"{name!r} is given twice",
-                expected="one value for each name",
-                where=option,
-                advice=f"keep one {option} {name}=…",
-            )
+            expected, advice = "one value for each name", f"keep one {option} {name}=…"
+            raise OptionError(f"{name!r} is given twice", expected=expected, where=option, advice=advice)
         found[name] = right
     return found

@@ -28,12 +28,8 @@ def loaded(point: EntryPoint) -> Effect:
     with _told(f"entry point {point.name!r} cannot be loaded", where, "a module that can be imported, with an Effect"):
         effect = point.load()
     if not isinstance(effect, Effect):
-        raise OptionError(
-            f"entry point {point.name!r} brings {type(effect).__name__!r}",
-            expected="an Effect",
-            where=where,
-            advice=_ADVICE,
-        )
+        found = f"entry point {point.name!r} brings {type(effect).__name__!r}"
+        raise OptionError(found, expected="an Effect", where=where, advice=_ADVICE)
     return guarded(effect, package)
 
 
@@ -83,12 +79,8 @@ def _told(what: str, where: str, expected: str) -> Iterator[None]:
         raise
     except Exception as error:  # whatever another author's code may raise
         said = " ".join(str(error).split())[:300]
-        raise OptionError(
-            f"{what} ({type(error).__name__}{': ' + said if said else ''})",
-            expected=expected,
-            where=where,
-            advice=_ADVICE,
-        ) from error
+        found = f"{what} ({type(error).__name__}{': ' + said if said else ''})"
+        raise OptionError(found, expected=expected, where=where, advice=_ADVICE) from error
 
 
 ENTRY_POINT = "selector.effects"  #: Group of the entry points: each names an `Effect`.
@@ -119,12 +111,8 @@ def effect_of(id: str) -> Effect:  # noqa: A002 - the word of the contract
     """The effect with this id. Raises OptionError if there is none."""
     known = {effect.id: effect for effect in catalogue()}
     if id not in known:
-        raise OptionError(
-            f"effect {id!r}",
-            expected="one of " + ", ".join(known),
-            where="effect",
-            advice="`selector effects` lists them with a sentence each",
-        )
+        advice = "`selector effects` lists them with a sentence each"
+        raise OptionError(f"effect {id!r}", expected="one of " + ", ".join(known), where="effect", advice=advice)
     return known[id]
 
 

@@ -201,26 +201,15 @@ def _forced(data: bytes, encoding: str, where: str) -> Decoded:
         name = codecs.lookup(encoding).name
         text = data.decode(name)
     except LookupError as error:
-        raise ReadError(
-            f"encoding {encoding!r}",
-            expected="the name of an encoding, such as utf-8, gb18030, cp1251, cp1252, cp932",
-            where=where,
-            advice="correct the name",
-        ) from error
+        expected = "the name of an encoding, such as utf-8, gb18030, cp1251, cp1252, cp932"
+        raise ReadError(f"encoding {encoding!r}", expected=expected, where=where, advice="correct the name") from error
     except (UnicodeDecodeError, ValueError) as error:
-        raise ReadError(
-            f"bytes that are not text in {encoding} ({str(error)[:120]})",
-            expected=f"text in {encoding}",
-            where=where,
-            advice="leave the encoding out to have it found, or name another one",
-        ) from error
+        found = f"bytes that are not text in {encoding} ({str(error)[:120]})"
+        advice = "leave the encoding out to have it found, or name another one"
+        raise ReadError(found, expected=f"text in {encoding}", where=where, advice=advice) from error
     if not isinstance(text, str) or "\0" in text[: 1 << 16]:
-        raise ReadError(
-            f"no text when read as {encoding}",
-            expected="delimited text",
-            where=where,
-            advice="leave the encoding out to have it found, or name another one",
-        )
+        advice = "leave the encoding out to have it found, or name another one"
+        raise ReadError(f"no text when read as {encoding}", expected="delimited text", where=where, advice=advice)
     return Decoded(_line_ends(text.lstrip("\ufeff").encode("utf-8", "replace")), name, ())
 
 
