@@ -38,8 +38,9 @@ _ENDINGS = (
 _EXTENSIONS = frozenset(_ENDINGS.split())
 #: Names of text that lies beside recordings and is none.
 _DOCUMENT = re.compile(
-    r"((read[ _-]?me|licen[cs]e|lies[ _-]?mich)([ _.-].*)?|"
-    r"copying|notice|source|origin|citation|authors|changelog|notes)\.(txt|dat|asc)",
+    r"((read[ _-]?me|licen[cs]e|lies[ _-]?mich|notes?|notizen?|anmerkung(en)?|bemerkung(en)?|hinweise?|comments?|"
+    r"remarks?|commentaires?|说明|备注|メモ|заметки)([ _.-].*)?|"
+    r"copying|notice|source|origin|citation|authors|changelog)\.(txt|dat|asc)",
     re.IGNORECASE,
 )
 _FOREIGN = (

@@ -42,7 +42,9 @@ def test_a_folder_is_its_recordings_in_natural_order_with_its_machine_file(folde
     assert read([folder], folder / "machine.toml").recording.runs == ("r1", "r2", "r10")
 
 
-@pytest.mark.parametrize("name", ["SOURCE.txt", "README.txt", "readme_first.txt", "LICENSE.txt", "Notes.txt"])
+@pytest.mark.parametrize(
+    "name", ["SOURCE.txt", "README.txt", "readme_first.txt", "LICENSE.txt", "Notes.txt", "Notizen 2026.txt"]
+)
 def test_text_beside_recordings_is_told_and_not_read(folder, name):
     (folder / name).write_text("MIT, from example.org\n1 2 3\n", encoding="utf-8")
     reading = read([folder])
