@@ -3,7 +3,7 @@
 import difflib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -125,7 +125,8 @@ def export_model(
     decided = sealed(with_decided_limits(wanted), is_kept=True)
     program = chosen.write(decided, is_sign_verified=options.is_sign_verified)
     files = (*program.files, *own, SHEET)
-    reading = read(options.replay, machine=options.machine, overrides=options.overrides) if options.replay else None
+    how = replace(options.overrides, needed=tuple(item.name for item in usable.inputs))
+    reading = read(options.replay, machine=options.machine, overrides=how) if options.replay else None
     machine_files = () if options.machine is None else (options.machine,)
     recorded = () if reading is None else tuple(file for file, _ in reading.files)
     for name in files:

@@ -41,7 +41,7 @@ def apply(
     from selector.study.applied import applied
 
     read, _ = usable_model(model)
-    reading = source.reading()
+    reading = source.reading(tuple(item.name for item in read.inputs))
     if out is not None:
         refuse_to_replace_input(out, [model, *source.machine_files, *(file for file, _ in reading.files)], "--out")
         require_replaceable(out.parent, {out.name: "run,time_s,"})

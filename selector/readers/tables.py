@@ -44,6 +44,8 @@ class Overrides:
     roles: Mapping[str, str] = field(default_factory=dict)
     #: Whether channels of the machine file may be lacking in all files, as in a simulation of some channels only
     partial: bool = False
+    #: Channels of the machine file that must be in a file, as those that a model reads; None: all of them
+    needed: tuple[str, ...] | None = None
 
     @property
     def has_window(self) -> bool:

@@ -96,7 +96,7 @@ class Export:
         return f"export-{self.target}"
 
 
-_READING = tuple(field.name for field in fields(Overrides) if field.name not in ("units", "roles", "partial"))
+_READING = tuple(field.name for field in fields(Overrides) if field.name not in ("units", "roles", "partial", "needed"))
 _FLAGS = ("interactions", "memory", "absolute_similarity", "ridge")
 _VALUES = ("max_sensors", "grouping", "degree", "reference", "tolerance", "seed", "formula", "within", "target")
 

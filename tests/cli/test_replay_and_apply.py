@@ -136,3 +136,26 @@ def test_the_default_zero_of_apply_model_is_the_same(tmp_path):
     recorded = source.frame["Z"].to_numpy()
     of = apply_model(read_model(model), source).overall["Z"]
     assert of.before_rmse_um == pytest.approx(float(np.sqrt(np.mean(recorded**2))), rel=1e-12)
+
+
+def test_recordings_of_production_have_no_gauge_and_only_the_sensors_of_the_model(tmp_path, capsys):
+    model, file, machine = folder_of(tmp_path)
+    whole = pd.read_csv(file)
+    with machine.open("a", encoding="utf-8") as told:
+        told.write('[channels.T2]\nrole = "temperature"\nunit = "degC"\n')
+    day = tmp_path / "day.csv"
+    whole[["time_s", "T1"]].to_csv(day, index=False)
+    predicted = tmp_path / "predicted.csv"
+    asked = ["apply", str(model), str(day), "--machine", str(machine), "--json"]
+    assert exit_status([*asked, "--out", str(predicted)]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["overall"]["Z"]["rmse_um"] is None
+    [lacking] = [one for one in said["findings"] if one["id"] == "channels-lacking"]
+    assert lacking["evidence"]["channels"] == ["Z", "T2"]
+    assert pd.read_csv(predicted)["Z"].notna().all()
+    words = ["export", str(model), "--for", "python", "--out", str(tmp_path / "out"), "--replay", str(day)]
+    assert exit_status([*words, "--machine", str(machine), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["replay"]["rows"] == len(whole)
+    whole[["time_s", "Z"]].to_csv(day, index=False)
+    assert exit_status(asked) == 2
+    assert "no column 'T1'" in capsys.readouterr().err

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
@@ -49,14 +49,14 @@ class Source:
         """The machine file that was named, if one was."""
         return () if self.machine is None else (self.machine,)
 
-    def reading(self) -> Reading:
-        """The recordings, and how they were read.
+    def reading(self, needed: tuple[str, ...] | None = None) -> Reading:
+        """The recordings, and how they were read; of the machine file only `needed` channels must be there.
 
         Raises InputError: a file cannot be read, the machine file does not fit, or an option cannot be used.
         """
         from selector.readers import read
 
-        return read(self.runs, machine=self.machine, overrides=self.overrides())
+        return read(self.runs, machine=self.machine, overrides=replace(self.overrides(), needed=needed))
 
     def refuse_unread(self, option: str) -> None:
         """Ends with an error where something is said about recordings though none are named; `option` names them.

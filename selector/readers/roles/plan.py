@@ -227,7 +227,7 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
             if position is not None and own[position] not in used[run.name]:
                 headers[run.name] = own[position]
                 used[run.name].add(own[position])
-        if not headers and overrides.partial:
+        if not headers and (overrides.partial or (overrides.needed is not None and name not in overrides.needed)):
             lacking.append(name)
             continue
         if not headers:
