@@ -355,3 +355,13 @@ def test_a_cyrillic_second_is_one(reads, times):
     assert times(reading) == [float(i) for i in range(8)]
     assert "time-unit-guessed" not in {finding.id for finding in reading.findings}
     assert [c.unit_in_file for c in reading.channels] == ["degC", "um"]
+
+
+@pytest.mark.parametrize(
+    ("unit", "second"), [("Sekunden", 1), ("minutos", 60), ("heures", 3600), ("Tage", 86400), ("Wochen", 604800)]
+)
+def test_units_of_time_in_other_languages(reads, times, unit, second):
+    reading = reads(f"t [{unit}];T1 [°C]\n" + "".join(f"{i};{20 + i}\n" for i in range(8)))
+    # hours and weeks are seconds by one multiplication
+    assert times(reading) == pytest.approx([float(second * i) for i in range(8)], rel=1e-12)
+    assert "time-unit-guessed" not in {finding.id for finding in reading.findings}
