@@ -257,7 +257,8 @@ def lagged(values: Array, time_s: Array, tau_s: Array, state: Array, last_s: Arr
     """
     state, last_s = np.array(state, dtype=np.float64), np.array(last_s, dtype=np.float64)
     result = np.empty(values.shape)
-    _lag_kernel(np.ascontiguousarray(values), time_s, np.asarray(tau_s, dtype=np.float64), state, last_s, result)
+    # copies can be written to: one kernel is compiled
+    _lag_kernel(np.array(values, order="C"), np.array(time_s), np.array(tau_s, dtype=np.float64), state, last_s, result)
     return result, state, last_s
 
 

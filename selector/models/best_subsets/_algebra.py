@@ -149,17 +149,21 @@ def insert(best_rss: Any, best_state: Any, state: Any, rss: float) -> None:
     """Put a set into the sorted list of the best ones of its size, unless it is there already."""
     if not rss < best_rss[-1]:
         return
-    kept = state == KEPT
     for i in range(best_rss.size):
-        if best_rss[i] < np.inf and np.all((best_state[i] == KEPT) == kept):
+        same = best_rss[i] < np.inf
+        for e in range(state.size):
+            same &= (best_state[i, e] == KEPT) == (state[e] == KEPT)
+        if same:
             return
     i = best_rss.size - 1
     while i > 0 and best_rss[i - 1] > rss:
         best_rss[i] = best_rss[i - 1]
-        best_state[i] = best_state[i - 1]
+        for e in range(state.size):
+            best_state[i, e] = best_state[i - 1, e]
         i -= 1
     best_rss[i] = rss
-    best_state[i] = np.where(kept, KEPT, DROPPED)
+    for e in range(state.size):
+        best_state[i, e] = KEPT if state[e] == KEPT else DROPPED
 
 
 SMALLEST_SHARE = 1e-9  #: Shares z are kept above this; the bound stays valid, the matrix stays finite.

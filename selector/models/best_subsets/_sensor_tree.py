@@ -82,9 +82,11 @@ def search_sensors(
             insert(best_rss, best_state, inside, sensors_rss(gram, cross, path))
             n[EVALUATED] += 1
         elif threshold < np.inf and 500.0 * below > 0.05 * (path.columns.size * (depth + m - i) / m) ** 3:
-            inside[ranked[i:]] = KEPT
+            for j in range(i, m):
+                inside[ranked[j]] = KEPT
             closed = sensors_rss(gram, cross, path) >= threshold
-            inside[ranked[i + 1 :]] = DROPPED
+            for j in range(i + 1, m):
+                inside[ranked[j]] = DROPPED
             left = 1 if closed else left
             n[BOUNDED] += below if closed else 0
         if left == 1:

@@ -95,9 +95,7 @@ def descend(
         state[leave] = FREE
         state[enter] = KEPT
         swaps += 1
-    rss = set_rss(gram, cross, state, a, order)
-    if rss < best_rss[-1]:
-        insert(best_rss, best_state, state, rss)
+    insert(best_rss, best_state, state, set_rss(gram, cross, state, a, order))
     return swaps
 
 

@@ -70,24 +70,12 @@ def push(tree: Any, state: Any, z: Any, diagonal: Any, bound: float, depth_first
 @kernel
 def offer(gram: Any, cross: Any, best_rss: Any, best_state: Any, state: Any, w: Any) -> None:
     """Record a complete set if it is among the best."""
-    rss = set_rss(gram, cross, state, w.matrices[WHOLE], w.integers[ORDER])
-    if rss < best_rss[-1]:
-        insert(best_rss, best_state, state, rss)
+    insert(best_rss, best_state, state, set_rss(gram, cross, state, w.matrices[WHOLE], w.integers[ORDER]))
 
 
 @kernel
 def enumerate_leaves(
-    gram: Any,
-    cross: Any,
-    best_rss: Any,
-    best_state: Any,
-    w: Any,
-    q: Any,
-    stride: int,
-    t: int,
-    n: int,
-    rss: float,
-    keep: bool,
+    gram: Any, cross: Any, best_rss: Any, best_state: Any, w: Any, q: Any, t: int, n: int, rss: float, keep: bool
 ) -> None:
     """Offer every choice of n <= 2 of t columns in closed form: the ones to keep (q = P) or to drop (q = P⁻¹).
 
@@ -99,6 +87,7 @@ def enumerate_leaves(
     own = w.vectors[U]
     response = w.vectors[H]
     value = w.vectors[Z]
+    stride = t + 1
     for j in range(t):
         own[j] = q[j * stride + j]
         response[j] = q[j * stride + t]
@@ -128,11 +117,12 @@ def enumerate_leaves(
 
 @kernel
 def enumerate_triples(
-    gram: Any, cross: Any, best_rss: Any, best_state: Any, w: Any, q: Any, stride: int, t: int, rss: float
+    gram: Any, cross: Any, best_rss: Any, best_state: Any, w: Any, q: Any, t: int, rss: float
 ) -> None:
     """Offer every choice of three of t columns with cross-products q: each with the pairs of those after it."""
     free = w.integers[FREE_COLUMNS]
     part = w.matrices[M]
+    stride = t + 1
     for i in range(t - 2):
         n = t - 1 - i
         d = q[i * stride + i]
@@ -147,7 +137,7 @@ def enumerate_triples(
             free[j] = free[j + 1]
         w.states[CURRENT, column] = KEPT
         left = rss - q[i * stride + t] ** 2 / d
-        enumerate_leaves(gram, cross, best_rss, best_state, w, part, n + 1, n, 2, left, True)
+        enumerate_leaves(gram, cross, best_rss, best_state, w, part, n, COUNT(2), left, np.bool_(True))
         w.states[CURRENT, column] = DROPPED
 
 
@@ -259,14 +249,16 @@ def expand(gram: Any, cross: Any, size: int, tree: Any, slot: int, w: Any, best_
             few = COUNT(0)
             keep = False
         n[WORK] -= t * t
-        enumerate_leaves(gram, cross, best_rss, best_state, w, w.matrices[which], sp, t, few, r, keep)
+        enumerate_leaves(gram, cross, best_rss, best_state, w, w.matrices[which], t, few, r, keep)
         return CLOSED
+    least = np.inf
     for j in range(t):
         diagonal[j] = tree.diagonal[slot, free[j]]
+        least = min(least, diagonal[j])
         wz[j] = max(tree.share[slot, free[j]], 1e-4)
         ranking[j] = j
     dependent = COUNT(-1)
-    if diagonal[:t].min() <= 0.0:
+    if least <= 0.0:
         n[WORK] -= 10 * t * t * t
         if not inverse_diagonal(pm, sp, t, wm, wx, wy, inv, diagonal):
             for j in range(t):
@@ -299,7 +291,7 @@ def expand(gram: Any, cross: Any, size: int, tree: Any, slot: int, w: Any, best_
                     fixed += 1
         if a == 3 and solve == 1 and 5 * fixed <= t:
             n[WORK] -= t * t * t // 6
-            enumerate_triples(gram, cross, best_rss, best_state, w, pm, sp, t, r)
+            enumerate_triples(gram, cross, best_rss, best_state, w, pm, t, r)
             return CLOSED
         if 5 * fixed > t or solve == MAX_SOLVES - 1:
             break

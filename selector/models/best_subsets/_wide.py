@@ -289,7 +289,7 @@ class WideSearch:
         state[list(node.kept)], state[node.free] = KEPT, FREE
         scratch.integers[_tree.FREE_COLUMNS][:t] = node.free
         flat, r = np.column_stack([gram, c]).ravel(), 1.0 - float(np.sum(explained))
-        of = (problem.gram, problem.cross, self._best_rss, self._best_state, scratch, flat, t + 1, t)
+        of = (problem.gram, problem.cross, self._best_rss, self._best_state, scratch, flat, t)
         if a == 3 < t:
             _tree.enumerate_triples(*of, r)
         else:

@@ -222,8 +222,9 @@ def lagged(time_s: Vector, values: Vector, tau_s: float, start: float | None = N
     """
     if tau_s <= 0.0 or not len(values):
         return np.array(values, dtype=np.float64)
-    course = np.ascontiguousarray(values, dtype=np.float64)
-    return np.asarray(_lag(course, time_s, tau_s, course[0] if start is None else start))
+    # copies can be written to: one kernel is compiled
+    course, at_s = np.array(values, dtype=np.float64), np.array(time_s, dtype=np.float64)
+    return np.asarray(_lag(course, at_s, tau_s, course[0] if start is None else start))
 
 
 @njit(cache=True, nogil=True)
