@@ -274,7 +274,12 @@ def test_a_machine_is_picked_and_the_pictures_follow_its_parameters(page, bench)
 def test_recordings_are_compared_with_the_machine_of_the_page_simulate(page, bench):
     """A mesh stands beside its model, and both are taken away again."""
     bench.add(shipped("vmc37") / "r1.csv", machine=shipped("vmc37") / "machine.toml")
-    model = next(one for one in shipped_models("thermal") if one.stem == "c-frame")
+    shown = next(one for one in shipped_models("thermal") if one.stem == "c-frame")
+    (bench.folder / "models").mkdir()
+    model = bench.folder / "models" / shown.name
+    # without nodes in the middle of edges a machine is made of the mesh in half a second, not in seven
+    model.write_text(shown.read_text(encoding="utf-8").replace("order = 2", "order = 1"), encoding="utf-8")
+    shutil.copy(shown.with_suffix(".msh"), model.parent)
     assert page.locator("#diagnosis-machine").count() == 0
     bench.choose_simulation(kind="thermal", model=str(model))
     name = next(name for name in simulation._parameters(bench.simulation) if name.startswith("films."))
