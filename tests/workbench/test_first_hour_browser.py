@@ -326,32 +326,34 @@ def test_a_stretch_is_marked_in_all_pictures_of_a_diagnosis(page, bench):
     wait_for(lambda: plots.evaluate_all(shapes) == [1] * plots.count())
 
 
-@pytest.mark.parametrize("width", [1280, 800])
-def test_neither_a_refusal_nor_the_focus_is_hidden_by_head_or_foot(page, bench, width):
+def test_neither_a_refusal_nor_the_focus_is_hidden_by_head_or_foot(page):
     """Both stick to the window, and are as many lines high as its width and the command make them."""
-    page.set_viewport_size({"width": width, "height": 700})
     page.get_by_role("button", name="Simulated: a machining centre").click()
     page.get_by_text("The first lines of the file").wait_for()
     page.locator("#to-prediction").click()
     page.locator("#prediction-cycle .main-svg").first.wait_for()
-    reach(page, "prediction-operations")
-    seen = {}
-    for _ in range(12):
-        page.keyboard.press("Tab")
-        page.wait_for_timeout(100)
-        seen |= page.evaluate(COVERED)
-    assert len(seen) >= 8
-    assert [name for name, is_covered in seen.items() if is_covered] == []
-    steps = page.locator("#prediction-steps")
-    steps.fill("60 at fast")
-    steps.press("Enter")
-    said = page.locator("#notice").get_by_text("“fast” was typed")
-    said.wait_for()
-    page.evaluate("scrollTo(0, document.body.scrollHeight)")
-    assert said.evaluate(
-        "(it) => { const { left, top } = it.getBoundingClientRect();"
-        " return it.contains(document.elementFromPoint(left + 5, top + 5)); }"
-    )
+    for width in (1280, 800):
+        page.set_viewport_size({"width": width, "height": 700})
+        reach(page, "prediction-operations")
+        seen = {}
+        for _ in range(12):
+            page.keyboard.press("Tab")
+            page.wait_for_timeout(100)
+            seen |= page.evaluate(COVERED)
+        assert len(seen) >= 8, width
+        assert [name for name, is_covered in seen.items() if is_covered] == [], width
+    for width, typed in ((1280, "fast"), (800, "slow")):
+        page.set_viewport_size({"width": width, "height": 700})
+        steps = page.locator("#prediction-steps")
+        steps.fill(f"60 at {typed}")
+        steps.press("Enter")
+        said = page.locator("#notice").get_by_text(f"“{typed}” was typed")
+        said.wait_for()
+        page.evaluate("scrollTo(0, document.body.scrollHeight)")
+        assert said.evaluate(
+            "(it) => { const { left, top } = it.getBoundingClientRect();"
+            " return it.contains(document.elementFromPoint(left + 5, top + 5)); }"
+        ), width
 
 
 @pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not there: npm install axe-core, or AXE_CORE names its file")
