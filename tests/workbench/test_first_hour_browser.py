@@ -273,7 +273,7 @@ def test_a_machine_is_picked_and_the_pictures_follow_its_parameters(page, bench)
 
 def test_recordings_are_compared_with_the_machine_of_the_page_simulate(page, bench):
     """A mesh stands beside its model, and both are taken away again."""
-    bench.add(shipped("vmc37") / "r1.csv", machine=shipped("vmc37") / "machine.toml")
+    bench.add(shipped("patent8") / "recording.csv")
     shown = next(one for one in shipped_models("thermal") if one.stem == "c-frame")
     (bench.folder / "models").mkdir()
     model = bench.folder / "models" / shown.name
