@@ -110,10 +110,11 @@ def shown_samples(time_s: Vector, values: Vector, steps: bool = False, points: i
         if len(changes) <= points:
             return np.unique([0, *changes.tolist(), n - 1])
     edges = np.searchsorted(time_s, np.linspace(time_s[0], time_s[-1], points // 3 + 1)).tolist()
-    kept = {0, n - 1, *edges[:-1]}
+    kept, known = {0, n - 1, *edges[:-1]}, ~np.isnan(values)
+    low, high = np.where(known, values, np.inf), np.where(known, values, -np.inf)
     for a, b in pairwise(edges):
-        if b > a and np.isfinite(values[a:b]).any():
-            kept |= {a + int(np.nanargmin(values[a:b])), a + int(np.nanargmax(values[a:b]))}
+        if known[a:b].any():
+            kept |= {a + int(low[a:b].argmin()), a + int(high[a:b].argmax())}
     return np.array(sorted(kept))
 
 
