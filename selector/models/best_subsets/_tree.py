@@ -75,7 +75,7 @@ def offer(gram: Any, cross: Any, best_rss: Any, best_state: Any, state: Any, w: 
 
 @kernel
 def enumerate_leaves(
-    gram: Any, cross: Any, best_rss: Any, best_state: Any, w: Any, q: Any, t: int, n: int, rss: float, keep: bool
+    gram: Any, cross: Any, best_rss: Any, best_state: Any, w: Any, q: Any, t: int, n: int, rss: float, keep: Any
 ) -> None:
     """Offer every choice of n <= 2 of t columns in closed form: the ones to keep (q = P) or to drop (q = P⁻¹).
 
