@@ -112,7 +112,8 @@ def settle(w, s, i, u, p, o, ref):
     corner = _corner(w, p, o) if o[CORNERS] else -1
     # limits decide the command, contact the forces, these decide what slips, and that where the command goes
     for _ in range(8):
-        derivative(w, Y, K1, s, i, u, p, o, ref)
+        # for numbers that are written out it would be compiled once more
+        derivative(w, int(Y), int(K1), s, i, u, p, o, ref)
         if not _changed_modes(w, corner, p, o):
             return
 

@@ -366,12 +366,12 @@ def rounds(y, p, o, x, plane, period, out):
     """
     k, new, at = np.zeros((7, STATES)), np.zeros(STATES), np.zeros(STATES)
     time = np.zeros(1)
-    samples = np.zeros((1, STATES))
+    samples, none = np.zeros((1, STATES)), np.int64(0)  # for a 0 written out `advance` would be compiled once more
     for j in range(len(out)):
         y[S] = 0.0
         o[TOUCHES] = 0
         x[HIGHEST] = x[LOWEST] = y[Z]
-        end = advance(0.0, period, y, plane, 0.0, p, o, x, time, 0, 0, samples, k, new, at)
+        end = advance(0.0, period, y, plane, 0.0, p, o, x, time, none, none, samples, k, new, at)
         if end != DONE:
             return end
         y[AMPERES] = -y[AMPERES]
