@@ -17,7 +17,6 @@ from selector.diagnosis.evidence.moments import Moments, all_moderated, beside, 
 from selector.diagnosis.evidence.noise import NoiseModel, filled_rows, noise_model, stretches, whitened, with_past
 from selector.diagnosis.matching.runs import repeats, rms
 from selector.diagnosis.matching.usable import rounding_of
-from selector.diagnosis.shapes.axis import simulated_axis
 from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import by_run, rate
@@ -75,7 +74,6 @@ class Bench:
     repeats: tuple[tuple[slice, slice], ...] = ()  #: Rows of pairs of runs of one programme
     cycle: MachineCycle | None = None  #: What the machine repeats
     is_off_cycle: bool = False  #: Whether what comes back with every cycle is taken for noise, and taken off
-    is_dry: bool = False  #: Whether the simulation has dry friction of its own
     is_misfit: bool = False  #: Whether more is left than noise
     #: (len(rows),): Takes the place of the whitened target, where its noise has heavy tails
     pseudo_target: Vector | None = None
@@ -94,13 +92,6 @@ class Bench:
         kept = np.r_[: gone.start, gone.stop : self.nuisance.shape[1]]
         names = (*self.nuisance_names[: gone.start], *self.nuisance_names[gone.stop :])
         return replace(self, nuisance=self.nuisance[:, kept], nuisance_names=names, own=own)
-
-    def with_own(self, id: str, v: int) -> Bench:  # noqa: A002 - the word of the contract
-        """The same with the shape of a candidate as an own parameter."""
-        nuisance = np.column_stack([self.nuisance, self.raw(v)])
-        names = (*self.nuisance_names, *(f"{id}: {name}" for name in self.candidates[v].variant.names))
-        own = {**self.own, id: slice(self.nuisance.shape[1], nuisance.shape[1])}
-        return replace(self, nuisance=nuisance, nuisance_names=names, own=own)
 
     def with_noise(self, noise: NoiseModel) -> Bench:
         """The same with another noise filter."""
@@ -340,7 +331,6 @@ def bench_of(comparison: Comparison, response: str, effects: Sequence[Effect]) -
             scales.append(scale)
             first += len(variant.names)
     parts = stretches(comparison, seen)
-    axis = simulated_axis(comparison, comparison.channel(response).axis)
     bench = Bench(
         response=response,
         target=target,
@@ -355,7 +345,6 @@ def bench_of(comparison: Comparison, response: str, effects: Sequence[Effect]) -
         resolution=comparison.resolution.get(response, 0.0),
         rounding=rounding_of(comparison, response),
         own=own,
-        is_dry=axis is not None and axis.dry_m_per_s2 > 0.0,
         repeats=repeats(comparison, response),
         cycle=machine_cycle(comparison),
     )

@@ -194,7 +194,6 @@ def _with_own(benches: Benches, named: Named, given: _Given) -> tuple[Benches, N
 
     Beside other effects that is where the simulation has too little of them: too much is what they had absorbed.
     """
-    benches, named = _without_excess(benches, named, given)
     for id_ in _own(benches):
         freed = {name: bench.without_own(id_) for name, bench in benches.items()}
         if not named:
@@ -222,40 +221,9 @@ def _own(benches: Benches) -> list[str]:
     return list(dict.fromkeys(id_ for bench in benches.values() for id_ in bench.own))
 
 
-def _without_excess(benches: Benches, named: Named, given: _Given) -> tuple[Benches, Named]:
-    """An own parameter for a named amount below nothing: what the simulation has too much of made up for what it lacks.
-
-    Dry friction fitted at one speed has taken in what was viscous, and then pushes the axis where it does not go.
-    """
-    if not all(bench.is_dry for bench in benches.values()):
-        return benches, named
-    for id_, of in named.items():
-        if not all(_is_below_nothing(bench, numbers(named, name), of.get(name)) for name, bench in benches.items()):
-            continue
-        others = without(named, id_)
-        for own in _own(benches):
-            freed = {name: bench.without_own(own) for name, bench in benches.items()}
-            freed = {name: bench.with_own(id_, of[name]) if name in of else bench for name, bench in freed.items()}
-            one = given.standings(freed, others)[own]
-            if one.score > 0.0 and one.is_the_same_in_all_runs:
-                with_it = {**others, own: one.chosen}
-                beta = [_last(freed[name], numbers(with_it, name)) for name in one.chosen]
-                if min(beta) > 0.0:
-                    return freed, with_it
-    return benches, named
-
-
 def _last(bench: Bench, named: Sequence[int]) -> float:
     """First coefficient of the last of the `named`."""
     return float(bench.coefficients(named)[0][-bench.counts[named[-1]]])
-
-
-def _is_below_nothing(bench: Bench, named: Sequence[int], v: int | None) -> bool:
-    """Whether an effect that has an amount by its law has one below 0; True of one that does not show."""
-    if v is None:
-        return True
-    parameters = bench.candidates[v].effect.parameters
-    return bool(parameters) and parameters[0].low == 0.0 and _last(bench, [*(k for k in named if k != v), v]) < 0.0
 
 
 def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:
