@@ -23,7 +23,7 @@ from selector.diagnosis.shapes.axis import (
     simulated_drive_force,
     telling_rows,
 )
-from selector.diagnosis.shapes.signals import by_run, lagged, rise
+from selector.diagnosis.shapes.signals import by_run, rise
 from selector.types import Vector
 
 PLACE_ROLES = ("displacement", "position")
@@ -167,11 +167,10 @@ def loop_parts(comparison: Comparison, response: str, course: Vector) -> tuple[V
     return tuple(_through(comparison, loop, power, course) for power in (loop.order - 1, loop.order))
 
 
-def drawn_out(comparison: Comparison, response: str, course: Vector) -> Vector:
-    """Where a lack of speed (`course`) leaves the axis until its slowest pole has made it good."""
+def slowest_s(comparison: Comparison, response: str) -> float:
+    """Time constant of the slowest pole of the loop; of a usual one, where the simulation shows none [s]."""
     loop = closed_loop(comparison, comparison.channel(response).axis)
-    slowest = 20.0 if loop is None else float(np.min(np.abs(np.roots(loop.polynomial))))
-    return lagged(comparison, course, 1.0 / slowest) / slowest
+    return 0.05 if loop is None else 1.0 / float(np.min(np.abs(np.roots(loop.polynomial))))
 
 
 @lru_cache(maxsize=8)

@@ -255,6 +255,37 @@ def test_a_limit_is_looked_for_also_where_a_channel_of_that_name_is_recorded_and
     assert "N" in limits
 
 
+def _followed(command: np.ndarray, fastest_m_per_s: float) -> Comparison:
+    """A servo that lags by 40 ms and turns no faster than that, beside a lag alone."""
+    way, lagging = command.copy(), command.copy()
+    for k in range(1, len(command)):
+        step = PERIOD_S * (command[k] - way[k - 1]) / 0.04
+        way[k] = way[k - 1] + np.clip(step, -fastest_m_per_s * PERIOD_S, fastest_m_per_s * PERIOD_S)
+        lagging[k] = lagging[k - 1] + PERIOD_S * (command[k] - lagging[k - 1]) / 0.04
+    channels = (Channel("r", "position_command", "m"), Channel("q", "position", "m"))
+    noise = 1e-4 * np.random.default_rng(2).standard_normal(len(way))
+    return comparison_with(channels, {"r": command, "q": way + noise}, q=lagging)
+
+
+def test_a_follower_that_is_too_slow_for_its_steps_has_a_limit_of_speed():
+    steps = np.repeat([0.0, 0.4, -0.2, 0.5, 0.1, -0.4, 0.3, 0.0], 250)
+    comparison = _followed(steps, 1.5)
+    (named,) = diagnosis(comparison).effects
+    assert named.id == "drive.saturation"
+    assert named.parameters["limit"].value == pytest.approx(1.5, rel=0.15)
+
+
+def test_a_command_that_is_hardly_faster_than_its_follower_tells_no_limit_of_speed():
+    ramps = np.interp(np.arange(2000.0), [0, 300, 800, 1200, 2000], [0.0, 0.4, -0.3, 0.3, -0.2])
+    slow, fast = (_followed(ramps, most) for most in (0.5 * float(np.abs(np.diff(ramps)).max()) / PERIOD_S, 9.0))
+    limits = [
+        [v.shape["limit"].value for v in SATURATION.variants(one, "q") if v.shape["kind"].value == 1.0]
+        for one in (slow, fast)
+    ]
+    assert limits[0]
+    assert not limits[1]
+
+
 @pytest.mark.parametrize("growth_per_m", [0.0, 1.0], ids=["repeats", "repeats and grows"])
 def test_a_pitch_error_may_be_counted_from_where_each_run_began(growth_per_m):
     lead_m, begins = 0.010, (0.100, 0.103, 0.109)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from numba import njit
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import held_back, held_back_axis, motion_of
@@ -10,16 +11,21 @@ from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading,
 from selector.diagnosis.shapes.axis import (
     FORCE_ROLES,
     SimulatedAxis,
+    commanded,
     derivatives,
     simulated_axis,
     simulated_drive_force,
 )
-from selector.diagnosis.shapes.force_response import PLACE_ROLES, ClosedLoop, closed_loop, drawn_out, responds
-from selector.diagnosis.shapes.signals import rate, scaled
+from selector.diagnosis.shapes.force_response import PLACE_ROLES, ClosedLoop, closed_loop, responds, slowest_s
+from selector.diagnosis.shapes.signals import lagged, rate, scaled
 from selector.types import Vector
 
 _SHARES = (0.99, 0.98, 0.97, 0.955, 0.94, 0.92, 0.9, 0.87, 0.84, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4)
 _SHARES_OF_SPEED = (0.97, 0.94, 0.9, 0.85, 0.8, 0.7)  #: Less would be a lack in proportion to speed, which a delay is.
+#: Of the speed that the recorded position hardly exceeds; of the simulation's lag, which has made up for the limit.
+_SHARES_OF_FASTEST, _LAGS = (1.0, 0.9, 0.8), (0.1, 0.33, 1.0)
+_HARDLY = 0.99
+_CLEARLY = 1.5  #: Times a limit of speed: a command that is hardly faster is followed late, which a delay is.
 _FEWEST_ROWS = 5
 _FURTHEST_S = 10.0  #: Way behind, as the time in which the whole force would go it from rest.
 
@@ -45,6 +51,36 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
                 words = (f"{what} at the limit of {name}",)
                 sources = motion_of(comparison, response).sources
                 yield Variant(column[:, None], words, shape, sources=sources, regime=regime)
+    yield from _followers(comparison, response)
+
+
+def _followers(comparison: Comparison, response: str) -> Iterator[Variant]:
+    """What a position lacks that follows its command, or the simulation, no faster than a speed, behind a lag."""
+    channel, moving = comparison.channel(response), motion_of(comparison, response)
+    command = commanded(comparison, channel.axis)
+    asked = moving.position_m if command is None else command
+    ways = asked, comparison.filled(comparison.recorded[response])
+    wanted, seen = (np.abs(derivatives(comparison, way)[0][~comparison.held_out]) for way in ways)
+    fastest = float(np.quantile(seen, _HARDLY))
+    if channel.role != "position" or wanted.max() < _CLEARLY * fastest:
+        return
+    for level in (share * fastest for share in _SHARES_OF_FASTEST):
+        lacks = _slewed(asked, comparison.time_s, np.asarray(comparison.starts), level) - asked
+        shape = {"limit": Quantity(level, "m/s"), "kind": Quantity(1.0, "1")}
+        for lag_s in (part * slowest_s(comparison, response) for part in _LAGS):
+            column = lagged(comparison, lacks, lag_s)[:, None]
+            words, regime = ("way that lacks at the limit of speed",), f"|speed| > {level:.3g} m/s"
+            yield Variant(column, words, shape, sources=moving.sources, regime=regime, bounds=((0.0, np.inf),))
+
+
+@njit(cache=True, nogil=True)
+def _slewed(command, time_s, starts, fastest):  # type: ignore[no-untyped-def]
+    way = command.copy()
+    for run in range(len(starts) - 1):
+        for k in range(starts[run] + 1, starts[run + 1]):
+            most = fastest * (time_s[k] - time_s[k - 1])
+            way[k] = way[k - 1] + min(max(command[k] - way[k - 1], -most), most)
+    return way
 
 
 def _shapes(
@@ -58,9 +94,7 @@ def _shapes(
     """What a course that cannot exceed a level does to the response; with a control that winds up, and without."""
     role = comparison.channel(response).role
     if kind == 1.0:
-        excess = np.sign(course) * np.maximum(np.abs(course) - level, 0.0)
-        is_speed = role == "velocity"
-        yield excess if is_speed else drawn_out(comparison, response, excess), "motion that lacks"
+        yield np.clip(course, -level, level) - course, "motion that lacks"
     elif loop is None:
         if role in FORCE_ROLES:
             yield np.clip(course, -level, level) - course, "force that lacks"
@@ -90,8 +124,8 @@ def _limited(comparison: Comparison, response: str) -> Iterator[tuple[str, Vecto
         yield drive[0], drive[1], comparison.channel(drive[0]).unit, 0.0
     else:
         yield "acceleration", moving.acceleration_m_per_s2, "m/s^2", 0.0
-    is_speed = comparison.channel(response).role == "velocity"
-    yield response if is_speed else "speed", moving.velocity_m_per_s, "m/s", 1.0
+    if comparison.channel(response).role == "velocity":
+        yield response, moving.velocity_m_per_s, "m/s", 1.0
 
 
 def _plateau(comparison: Comparison, name: str) -> list[float]:
