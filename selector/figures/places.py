@@ -18,7 +18,6 @@ VIEWS = (("x", "front view", "X [m]", 0), ("x2", "side view", "Y [m]", 1))
 _HEIGHTS = (360, 900)
 _PLOT_WIDTH = 870
 _ROOM = 0.08
-_UNSEEN = "rgba(0,0,0,0)"
 _BESIDE = 0.25
 _SIDES = ("middle right", "middle left", "bottom center", "top center")
 _LABEL = np.array([0.12, 0.035])  #: Width and height of a label as shares of the picture.
@@ -59,7 +58,6 @@ def machine_picture(
     outline_m: Sequence[NDArray[np.float64]],
     title: str,
     photos: Mapping[str, str] = MappingProxyType({}),
-    longest: int = style.LONGEST_LABEL,
 ) -> go.Figure:
     """Front and side view of a machine with places of sensors; `machine_changes` colours them.
 
@@ -86,8 +84,7 @@ def machine_picture(
         style.points(drawn, x, z, None, "sensor, coloured as its group (grey: alone)", "%{text}", text=shown, **common)
         look = {"symbol": "circle-open", "line": {"width": 2.5}}
         sides = _label_sides(points_m[:, [across, 2]], float((high - low).max()))
-        named = [f"<b>{name}</b>" for name in style.labels(names, longest)]
-        beside: dict[str, Any] = {"mode": "markers+text", "text": named, "textposition": sides}
+        beside: dict[str, Any] = {"mode": "markers+text", "textposition": sides}
         style.points(drawn, x, z, style.INK, "kept", size=17, marker=look, **beside, **common)
         if view in photos:
             drawn.add_layout_image(
@@ -105,18 +102,19 @@ def machine_picture(
     return drawn
 
 
-def machine_changes(names: Sequence[str], colours: Sequence[str], chosen: Sequence[str]) -> Changes:
-    """Colours of the sensors, and rings and names of those that are kept, in the frame of `machine_picture`.
-
-    Every sensor has its ring and its name, most of them unseen: what only looks different is drawn again at once.
-    """
+def machine_changes(
+    names: Sequence[str], colours: Sequence[str], chosen: Sequence[str], longest: int = style.LONGEST_LABEL
+) -> Changes:
+    """Colours of the sensors, and rings and names of those that are kept, in the frame of `machine_picture`."""
     kept = [name in set(chosen) for name in names]
+    labels = style.labels(names, longest)
+    beside = [f"<b>{label}</b>" if is_kept else "" for label, is_kept in zip(labels, kept, strict=True)]
     changes: dict[tuple[str | int, ...], object] = {}
     for view in range(len(VIEWS)):
         pins, rings = 3 * view + 1, 3 * view + 2
         changes["data", pins, "marker", "color"] = list(colours)
         changes["data", rings, "marker", "opacity"] = [float(is_kept) for is_kept in kept]
-        changes["data", rings, "textfont", "color"] = [style.INK if is_kept else _UNSEEN for is_kept in kept]
+        changes["data", rings, "text"] = beside
     return changes
 
 

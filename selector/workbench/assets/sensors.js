@@ -158,8 +158,6 @@
   }
 
   // ---- the pictures: values are put in their places, and those that change are drawn again
-  const LOOKS = ["marker.color", "marker.opacity", "textfont.color"];
-
   // the changes that are some, and have been made
   function changed(graph, changes) {
     return changes.filter(([path, value]) => {
@@ -173,23 +171,6 @@
       at[last] = value;
       return true;
     });
-  }
-
-  // only looks: no place in the picture is different
-  function isLooks(changes) {
-    return changes.every(([path]) => path[0] === "data" && LOOKS.includes(path.slice(2).join(".")));
-  }
-
-  function restyle(graph, changes) {
-    const traces = [...new Set(changes.map(([path]) => path[1]))];
-    const update = {};
-    for (const [path, value] of changes) {
-      const name = path.slice(2).join(".");
-      // what is undefined stays as it is
-      update[name] = update[name] || traces.map(() => undefined);
-      update[name][traces.indexOf(path[1])] = value;
-    }
-    window.Plotly.restyle(graph, update, traces);
   }
 
   const isSeen = (graph) => {
@@ -207,10 +188,6 @@
       const some = changed(graph, what);
       const isOld = graph.dataset.old === "yes";
       if (!some.length && !isOld) continue;
-      if (!isOld && isLooks(some) && isSeen(graph)) {
-        restyle(graph, some);
-        continue;
-      }
       graph.dataset.old = "yes";
       waiting.push(graph);
     }

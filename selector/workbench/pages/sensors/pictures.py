@@ -53,7 +53,7 @@ def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Fi
     room, each, least = _TREE
     drawn = {
         "tree": tree_picture(tree, "", max(least, room + each * len(tree.leaf_order))),
-        "machine": machine_picture(pins.names, pins.points_m, pins.outline_m, "", photos, _LONGEST_BESIDE_PIN),
+        "machine": machine_picture(pins.names, pins.points_m, pins.outline_m, "", photos),
         "sets": set_errors_picture(_HEIGHT),
         "runs": run_errors_picture(_runs(view), ""),
     }
@@ -114,7 +114,7 @@ def _changes(view: View, pins: Pins, tree: Dendrogram) -> dict[str, Changes]:
     colours = [usable.get(name, UNUSED) for name in pins.names]
     return {
         "tree": tree_changes(tree, sensors, cut, is_live=True),
-        "machine": machine_changes(pins.names, colours, view.fixed.sensors),
+        "machine": machine_changes(pins.names, colours, view.fixed.sensors, _LONGEST_BESIDE_PIN),
         "sets": _set_changes(view),
         "runs": run_error_changes(view.response, _runs(view)),
     }
