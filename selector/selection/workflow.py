@@ -1,14 +1,13 @@
 """The main job: recordings in, sensors, models and proof out."""
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from selector.findings import Finding
-from selector.models.best_subsets.subsets import cores
+from selector.models.best_subsets.subsets import side_by_side
 from selector.models.design import Form, Rows, datum_of, rows_of
 from selector.models.least_squares import fault_gains, validity_hull
 from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, response_power
@@ -81,7 +80,7 @@ def select(
     folds = Folds(question, runs, datum, n_blocks)
 
     say("grouping sensors", 0.1)
-    with ThreadPoolExecutor(cores()) as threads:
+    with side_by_side() as threads:
         found_all, *found = threads.map(lambda out: candidates(question, folds.linear_bench(out)), (None, *folds.outer))
     static, lagged = shapes_on_offer(question, surveyed.period_s, surveyed.duration_s)
     memory_gb = folds.memory_gb([found_all, *found], static, lagged)

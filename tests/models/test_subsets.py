@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 import signal
@@ -25,7 +26,7 @@ from selector.models.best_subsets.problem import (
     valid_diagonal,
 )
 from selector.models.best_subsets.results import adjusted_r2, aicc, best_of, bic, mallows_cp
-from selector.models.best_subsets.subsets import best_sensor_sets, best_subsets
+from selector.models.best_subsets.subsets import best_sensor_sets, best_subsets, side_by_side
 from tests.models.subset_cases import best_rss_of_every_size, rss_by_least_squares, warm_machine
 
 # cross-products hold squares: 1e-9 of the total leaves six digits for a condition number of 1e4
@@ -207,6 +208,20 @@ def test_an_interrupt_ends_the_threads():
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, usual)
     assert threading.active_count() == before
+
+
+def test_searches_side_by_side_are_given_up_with_their_block():
+    columns, response = warm_machine(400, 120, seed=2, noise_um=3.0)  # some minutes each
+    cross = cross_products(columns, response)
+    with contextlib.suppress(KeyboardInterrupt), side_by_side() as threads:
+        of_columns = threads.submit(best_subsets, cross, 400)
+        owners = [(k,) for k in range(120)]
+        of_sensors = threads.submit(best_sensor_sets, cross, 400, owners, n_sensors=120, max_sensors=9)
+        raise KeyboardInterrupt
+    assert not of_columns.result().proved
+    assert not of_sensors.result().proved
+    # and no others
+    assert best_subsets(cross[:9, :9], 400).proved
 
 
 def test_number_of_cores_changes_nothing(monkeypatch):

@@ -9,8 +9,10 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -49,9 +51,30 @@ def compile_search() -> None:
     curvature(np.eye(3), np.ones(3), 2, np.ones(3))
 
 
-def cores() -> int:
+#: Set when nobody waits for the searches of this thread any more.
+_GIVEN_UP: ContextVar[threading.Event | None] = ContextVar("given_up", default=None)
+
+
+def _cores() -> int:
     """Threads that searches may use here: a worker of a pool has the other cores' workers beside it."""
     return 1 if multiprocessing.parent_process() else os.cpu_count() or 1
+
+
+@contextmanager
+def side_by_side() -> Iterator[ThreadPoolExecutor]:
+    """A thread for each core; the searches that run in them are given up when the block ends, by Ctrl-C too."""
+    given_up = threading.Event()
+    with ThreadPoolExecutor(_cores(), initializer=_GIVEN_UP.set, initargs=(given_up,)) as threads:
+        try:
+            yield threads
+        finally:
+            given_up.set()
+
+
+def _end(started: float, time_limit_s: float | None) -> Callable[[], bool]:
+    """Whether the time is over, or nobody waits any more, whenever it is asked."""
+    given_up, end = _GIVEN_UP.get() or threading.Event(), started + (np.inf if time_limit_s is None else time_limit_s)
+    return lambda: given_up.is_set() or time.perf_counter() >= end
 
 
 def best_subsets(
@@ -90,10 +113,10 @@ def best_subsets(
     p, top = problem.n_columns, problem.max_size
     best_rss = np.full((p + 1, n_best), np.inf)
     best_state = np.full((p + 1, n_best, p), DROPPED, dtype=np.int8)
-    late = threading.Event()
+    late, is_over = threading.Event(), _end(started, time_limit_s)
 
     def out_of_time() -> bool:
-        if time.perf_counter() - started >= (np.inf if time_limit_s is None else time_limit_s):
+        if is_over():
             late.set()
         return late.is_set()
 
@@ -120,7 +143,7 @@ def best_subsets(
         node_bytes = 9 * problem.n_columns + 32
         for size in open_sizes:
             parts[size].most = max(parts[size].most, MAX_OPEN_BYTES // (len(open_sizes) * node_bytes))
-        spaces = [problem.scratch() for _ in range(min(cores(), len(open_sizes)))]
+        spaces = [problem.scratch() for _ in range(min(_cores(), len(open_sizes)))]
         with ThreadPoolExecutor(len(spaces)) as threads:
             try:
                 while open_sizes and not late.is_set():
@@ -255,7 +278,7 @@ def best_sensor_sets(
     best_state = {size: np.full((n_best, n_sensors), DROPPED, np.int8) for size in best_rss}
     coverage: dict[int, Coverage] = {}
     bound: dict[int, float] = {}
-    visited, stopped = 0, False
+    visited, stopped, is_over = 0, False, _end(started, time_limit_s)
     for size in best_rss:
         choose, best = size - len(kept), (best_rss[size], best_state[size])
         if size - 1 in best_rss and np.isfinite(best_rss[size - 1][0]):
@@ -269,7 +292,7 @@ def best_sensor_sets(
         ended = choose == 0
         while not ended and not stopped:
             ended = tree.search_sensors(problem.gram, problem.cross, ranked, choose, path, *best, CHUNK_WORK)
-            stopped = not ended and time_limit_s is not None and time.perf_counter() - started >= time_limit_s
+            stopped = not ended and is_over()
         counters = path.counters
         visited += int(counters[tree.VISITED])
         done = int(counters[tree.EVALUATED]), int(counters[tree.BOUNDED])
