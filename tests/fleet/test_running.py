@@ -305,6 +305,8 @@ class TestProcesses:
     def test_ctrl_c_does_not_reach_the_server_while_it_loads(self, workers):
         from multiprocessing import forkserver
 
+        # one that runs already may have been started by something else
+        forkserver._forkserver._stop()
         workers._idle.append(workers._new())
         status = Path(f"/proc/{forkserver._forkserver._forkserver_pid}/status").read_text()
         blocked = int(re.search(r"SigBlk:\s*(\w+)", status)[1], 16)
