@@ -227,7 +227,7 @@ def test_bars_hold_the_errors_of_every_run():
 
 
 def test_of_many_runs_the_worst_and_some_of_all_sorts_are_drawn():
-    """A thousand rows could not be read, and took three minutes."""
+    """A thousand rows could not be read, and took two and a half minutes."""
     runs = [HeldOutPart(f"day {k}", 10, abs(k - 500.0), 7.0) for k in range(1000)]
     title = proof.run_errors_title("Z", runs, "runs")
     drawn = style.changed(proof.run_errors_picture(runs, title), proof.run_error_changes("Z", runs))
