@@ -73,18 +73,25 @@ def without_faults(recording: Recording, findings: Iterable[Finding]) -> Recordi
             where="faults found in the recording",
             advice="look at the findings, correct the files, or keep some of what they leave out",
         )
+    return blanked(recording, acting, runs, channels)
+
+
+def blanked(
+    recording: Recording, findings: Sequence[Finding], runs: Sequence[str], channels: Sequence[Channel]
+) -> Recording:
+    """These runs and channels of a recording; the samples that the findings leave out are missing."""
     names = [channel.name for channel in channels]
     parts: dict[str, pd.DataFrame] = {}
     for run in runs:
         time_s, values = recording.time_s(run), recording.values(run, names)
-        for finding in acting:
+        for finding in findings:
             if finding.where.run in (None, run):
                 rows = left_out_rows(finding, time_s)
                 for column, name in enumerate(names):
                     if finding.where.channel in (None, name):
                         values[rows, column] = np.nan
         parts[run] = pd.DataFrame(values, index=time_s, columns=names)
-    return Recording.from_runs(parts, channels, recording.provenance)
+    return Recording.from_runs(parts, tuple(channels), recording.provenance)
 
 
 class StreamWithoutFaults:

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 
 from selector.diagnosis.answer import Diagnosis, Errors, Fit
 from selector.diagnosis.comparison import Comparison
@@ -14,7 +13,7 @@ from selector.errors import InputError
 from selector.findings import Finding, Level, Where
 from selector.quality.broken_sensors import broken_sensors, out_of_range
 from selector.quality.finding_table import OUT_OF_RANGE, SENSOR_BREAK
-from selector.quality.leave_out import left_out_rows
+from selector.quality.leave_out import blanked
 from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_temperature_units
 from selector.recording import Recording
@@ -266,16 +265,7 @@ def without_codes(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]
     """
     codes = (finding for finding in Survey(recording).found_by(_CHECKS) if finding.id in _NO_READINGS)
     found = [replace(finding, level="warning") for finding in codes]
-    if not found:
-        return recording, ()
-    tables: dict[str, pd.DataFrame] = {}
-    for run in recording.runs:
-        time_s, values = recording.time_s(run), np.array(recording.values(run, recording.names))
-        for finding in found:
-            if finding.where.run == run and finding.where.channel is not None:
-                values[left_out_rows(finding, time_s), recording.names.index(finding.where.channel)] = np.nan
-        tables[run] = pd.DataFrame(values, index=time_s, columns=list(recording.names))
-    return Recording.from_runs(tables, recording.channels, recording.provenance), tuple(found)
+    return (blanked(recording, found, recording.runs, recording.channels) if found else recording), tuple(found)
 
 
 def without_fitted_difference(comparison: Comparison) -> tuple[str, ...]:
