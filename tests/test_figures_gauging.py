@@ -19,7 +19,7 @@ from selector.figures.simulated.gauging import (
 )
 from selector.number_text import number_text
 from selector.physics.gauging.gauge.transducer import LinearGauge
-from selector.physics.gauging.gauging_advice import Setting
+from selector.physics.gauging.gauging_summary import Setting
 from tests.report.studies import HOSTILE
 from tests.test_figures_thermal import FLOAT32, drawn_values, strings_of
 

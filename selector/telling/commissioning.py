@@ -6,8 +6,7 @@ import numpy as np
 
 from selector.controllers.guard.decided import LEAST_GOOD_SAMPLES, is_turned
 from selector.controllers.model_file import ModelFile, equations_sha256
-from selector.controllers.replay.rehearsed import CLOCK_S, JUMP_SHARE, NOISE_SHARE, OUTAGE_S
-from selector.controllers.replay.replayed import Replay
+from selector.controllers.replay.replayed import CLOCK_S, JUMP_SHARE, NOISE_SHARE, OUTAGE_S, Replay
 from selector.controllers.writers.exported import Exported, SignTest
 from selector.controllers.writers.targets import Target
 from selector.figures.traces import replayed_run

@@ -7,8 +7,7 @@ import pytest
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, Term
 from selector.controllers.guard.decided import with_decided_limits
-from selector.controllers.replay.rehearsed import KINDS, rehearsal_findings
-from selector.controllers.replay.replayed import replayed
+from selector.controllers.replay.replayed import KINDS, rehearsal_findings, replayed
 from selector.controllers.writers.targets import TARGETS
 from tests.controllers.model_builders import recording_of, run_table
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selector.diagnosis.matching.following_errors import with_following_errors
+from selector.diagnosis.matching.alignment import with_following_errors
 from selector.diagnosis.open_model.refitting import simulated_rows
 from selector.recording import Channel, Recording
 from tests.diagnosis.effects.drive_axis import PAIRS, compared

@@ -7,7 +7,7 @@ import pytest
 
 from selector.physics.thermal.field.mesh import Block
 from selector.physics.thermal.field.thermoelasticity import MATERIALS
-from selector.physics.thermal.mesh_model import meshed
+from selector.physics.thermal.field_model import meshed
 from selector.physics.thermal.model_file import read_model_file, stated_laws
 from selector.physics.thermal.network.heat_system import factorised
 from tests.physics.thermal.field.mesh_files import model_text, tetra_mesh, write

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from selector.findings import Finding
-from selector.physics.gauging import gauging_advice, gauging_summary
+from selector.physics.gauging import gauging_summary
 from selector.telling.simulated.result import SimulationResult
 from tests.physics.gauging.quick_trials import shorten_trials
 from tests.report.simulated import result
@@ -69,5 +69,5 @@ def page(kind: str) -> SimulationResult:
         # few parts and filters, but for sizes that are off: what is told of them has more digits
         if kind != "off":
             patch.setattr(gauging_summary, "FEWEST_SIZES", 200)
-            patch.setattr(gauging_advice, "_FILTERS", 4)
+            patch.setattr(gauging_summary, "_FILTERS", 4)
         return result("gauging", text_of("line" if kind == "driven" else kind), said, driven=kind == "driven")

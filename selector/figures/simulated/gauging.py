@@ -16,7 +16,7 @@ from selector.types import Vector
 
 if TYPE_CHECKING:
     from selector.physics.gauging.gauge.transducer import LinearGauge
-    from selector.physics.gauging.gauging_advice import Setting
+    from selector.physics.gauging.gauging_summary import Setting
 
 CURVE, LINE, THRESHOLD = style.PREDICTED, style.RESIDUAL, style.CHOSEN
 SEEN, TRUE = style.RESIDUAL, style.PREDICTED

@@ -66,14 +66,14 @@ def machine_of(file: ModelFile, built: HeatMachine | None = None) -> HeatMachine
     if isinstance(file, NetworkFile):
         return network_machine(file)
     # scikit-fem comes in with the field machine, which most model files do not need
-    from selector.physics.thermal import field_model, mesh_model
+    from selector.physics.thermal import field_model
     from selector.physics.thermal.field.machine import SENSORS
 
     laws = field_model.laws_of(file) if isinstance(file, FieldFile) else stated_laws(file)
     if built is not None:
         return replace(built, laws=laws)
     if isinstance(file, MeshFile):
-        return HeatMachine(mesh_model.meshed(file, laws).system, laws, ())
+        return HeatMachine(field_model.meshed(file, laws).system, laws, ())
     return HeatMachine(
         field_model.system_of(file, laws),
         laws,

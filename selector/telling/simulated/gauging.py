@@ -8,9 +8,16 @@ import numpy as np
 
 from selector.json_text import fields_of
 from selector.number_text import listed, number_text
-from selector.physics.gauging.gauging_advice import BEST_CENTRED, CENTRED, PRESENT, UNCORRECTED, Setting
 from selector.physics.gauging.gauging_model import ALLOWANCE, GAUGE, MEASURED, GaugingModel, GaugingSimulation
-from selector.physics.gauging.gauging_summary import CAPABLE, GaugingSummary
+from selector.physics.gauging.gauging_summary import (
+    BEST_CENTRED,
+    CAPABLE,
+    CENTRED,
+    PRESENT,
+    UNCORRECTED,
+    GaugingSummary,
+    Setting,
+)
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes import CONFIDENCE, Capability, SizesByFormula

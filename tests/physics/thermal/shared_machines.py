@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from selector.physics.thermal import field_model, mesh_model
+from selector.physics.thermal import field_model
 from selector.physics.thermal.field.machine import VirtualMachine
 from tests.patience import alone, shared_folder
 
@@ -56,7 +56,7 @@ def from_folder(folder: Path, kind: str, key: object, made: Callable[[], Virtual
 def shared_machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """What model files make their machines with; tests of these functions themselves call them as they are."""
     folder = shared_folder(tmp_path_factory)
-    centre, of_mesh = field_model.virtual_machining_centre, mesh_model._meshed.__wrapped__
+    centre, of_mesh = field_model.virtual_machining_centre, field_model._meshed.__wrapped__
 
     def virtual_machining_centre(physics: Any, **asked: Any) -> VirtualMachine:
         return from_folder(folder, "centre", (physics, asked), lambda: centre(physics, **asked))
@@ -71,5 +71,5 @@ def shared_machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(field_model, "virtual_machining_centre", virtual_machining_centre)
-        patch.setattr(mesh_model, "_meshed", meshed)
+        patch.setattr(field_model, "_meshed", meshed)
         yield

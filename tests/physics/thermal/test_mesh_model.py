@@ -15,14 +15,13 @@ from selector.cli import exit_status
 from selector.errors import ModelFileError
 from selector.physics.model_fields import model_file_text
 from selector.physics.model_text import plain_values
-from selector.physics.thermal import mesh_model
+from selector.physics.thermal import field_model
 from selector.physics.thermal.field import field_machine
 from selector.physics.thermal.field.geometry import feet, heated_parts, heated_surfaces, surfaces
 from selector.physics.thermal.field.machine import FOOT_N_PER_M, film_sets
 from selector.physics.thermal.field.mesh import Block
 from selector.physics.thermal.field.thermoelasticity import elasticity
-from selector.physics.thermal.field_model import field_moment, with_candidates
-from selector.physics.thermal.mesh_model import mesh_of, meshed
+from selector.physics.thermal.field_model import field_moment, mesh_of, meshed, with_candidates
 from selector.physics.thermal.model_file import read_model_file, stated_laws
 from selector.physics.thermal.network.heat_system import factorised
 from selector.physics.thermal.network.laws import Conditions
@@ -177,11 +176,11 @@ def test_a_machine_is_made_again_only_where_the_file_says_another(example):
     other_run = file.model_copy(update={"run": file.run.model_copy(update={"duration_min": 7.0}), "gauges": ()})
     assert meshed(other_run, laws) is whole
     moved = tuple(one.model_copy(update={"xyz": (0.0, 0.10, 0.7), "at": None}) for one in file.sensors[:1])
-    asked, elasticity = [], mesh_model.elasticity
+    asked, elasticity = [], field_model.elasticity
     with pytest.MonkeyPatch.context() as patch:
         # a machine that another process has made comes without its own
-        patch.setattr(mesh_model, "elasticity", lambda *of: asked.append(1) or whole.elastic or elasticity(*of))
-        patch.setattr(mesh_model, "reduced_basis", lambda *_: whole.basis)
+        patch.setattr(field_model, "elasticity", lambda *of: asked.append(1) or whole.elastic or elasticity(*of))
+        patch.setattr(field_model, "reduced_basis", lambda *_: whole.basis)
         again = meshed(file.model_copy(update={"sensors": (*moved, *file.sensors[1:])}), laws)
         assert asked == [1]
         assert (again.full.probes[file.sensors[0].name] != 0).any()
