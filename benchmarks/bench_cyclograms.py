@@ -22,8 +22,7 @@ from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.network.laws import Conditions
 from selector.physics.thermal.network.transient import simulate_heat
-from selector.physics.thermal.prediction.characteristics import characteristics
-from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
+from selector.physics.thermal.prediction.piecewise import characteristics, piecewise_displacement_um
 from tests.physics.thermal.segments import of_segments
 
 Vector = NDArray[np.float64]

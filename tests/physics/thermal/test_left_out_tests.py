@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.physics.thermal.modes import choice
-from selector.physics.thermal.modes.left_out_tests import LeftOutTests, few_factor, left_out_tests
+from selector.physics.thermal.modes.heldout import LeftOutTests, few_factor, left_out_tests
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.prediction import predict
 from tests.physics.thermal.segments import of_segments

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.thermal.prediction.characteristics import Characteristics, characteristics
-from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
+from selector.physics.thermal.prediction.piecewise import Characteristics, characteristics, piecewise_displacement_um
 from tests.physics.thermal.mode_machines import RESPONSES, modal_machine, random_network, recorded
 from tests.physics.thermal.segments import of_segments
 

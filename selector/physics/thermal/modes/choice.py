@@ -23,8 +23,16 @@ from selector.physics.thermal.modes.fit import (
     searched,
     with_film,
 )
-from selector.physics.thermal.modes.heldout import held_out_um, resemblance, tau_intervals, time_folds
-from selector.physics.thermal.modes.left_out_tests import LeftOutTests, law_errors, left_out_tests, speed_folds
+from selector.physics.thermal.modes.heldout import (
+    LeftOutTests,
+    held_out_um,
+    law_errors,
+    left_out_tests,
+    resemblance,
+    speed_folds,
+    tau_intervals,
+    time_folds,
+)
 from selector.physics.thermal.modes.modes import ModalModel
 from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data
 from selector.types import Vector

@@ -21,7 +21,7 @@ from selector.physics.thermal.modes.driven import (
     tau_intervals,
     worth,
 )
-from selector.physics.thermal.modes.left_out_tests import AT_MOST, few_factor
+from selector.physics.thermal.modes.heldout import AT_MOST, few_factor
 from selector.physics.thermal.modes.modes import SpeedLaw, require_tested
 from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data, since_first
 from selector.types import Vector

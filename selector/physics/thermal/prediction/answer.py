@@ -8,7 +8,7 @@ import numpy as np
 
 from selector.findings import Finding
 from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
-from selector.physics.thermal.modes.left_out_tests import AT_MOST
+from selector.physics.thermal.modes.heldout import AT_MOST
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.tests_judged import RepeatedTest
 from selector.types import Vector
