@@ -339,14 +339,14 @@ def alone(folder: Path, broken: list[str]) -> None:
     from selector.readers import Overrides
     from selector.selection import select
     from selector.study import options_of
-    from selector.study.material import material_of
+    from selector.study.data import study_data
 
     fleet = read_fleet(folder / "FLEET.toml")
     right = [name for name in fleet.studies if name not in broken][:ALONE]
     options = options_of(fleet.studies[right[0]])
 
     def selected(name: str) -> None:
-        material = material_of([folder / "plant" / name], None, Overrides())
+        material = study_data([folder / "plant" / name], None, Overrides())
         select(material.source, options, findings=material.findings, provenance=material.provenance)
 
     def asked(name: str) -> None:

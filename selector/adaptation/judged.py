@@ -33,11 +33,11 @@ def learnt_drift(courses: Sequence[Course], *, with_gain: bool, first: Drift | N
 
     Each run has the same weight. The gain is 0 unless `with_gain`; `first` is where the search begins.
     """
-    material = _Material(courses)
-    error, size = material.error_um, material.size_um
-    scale = np.array([error**2 / material.longest_s, error**2, error**2])
+    samples = _Samples(courses)
+    error, size = samples.error_um, samples.size_um
+    scale = np.array([error**2 / samples.longest_s, error**2, error**2])
     if with_gain:
-        scale = np.r_[scale, (error / size) ** 2 / material.longest_s, (error / size) ** 2]
+        scale = np.r_[scale, (error / size) ** 2 / samples.longest_s, (error / size) ** 2]
     low = np.full(len(scale), _LOW)
     low[2] = min(max(1e-4, _SMALLEST_UM2 / scale[2]), 1.0)
     starts = _STARTS[: 2 if with_gain else 1, : len(scale)]
@@ -48,14 +48,14 @@ def learnt_drift(courses: Sequence[Course], *, with_gain: bool, first: Drift | N
             start[3:] = np.array([first.gain_per_s, first.gain_start]) / scale[3:]
         starts = start[None, :]
     bounds = [(math.log(a), math.log(_HIGH)) for a in low]
-    cost = material.cost_of(lambda x: _drift(np.exp(x) * scale))
+    cost = samples.cost_of(lambda x: _drift(np.exp(x) * scale))
     how: Any = {"method": "L-BFGS-B", "bounds": bounds, "options": {"maxiter": 60, "ftol": 1e-7}}
     found = [minimize(cost, np.log(np.clip(start, low, _HIGH)), **how) for start in starts]
     drift = _drift(np.exp(min(found, key=lambda one: float(one.fun)).x) * scale)
-    largest = math.sqrt(drift.gain_start + drift.gain_per_s * material.longest_s)
+    largest = math.sqrt(drift.gain_start + drift.gain_per_s * samples.longest_s)
     return replace(
         drift,
-        offset_limit_um=max(1.0, math.ceil(_ROOM * material.largest_um)),
+        offset_limit_um=max(1.0, math.ceil(_ROOM * samples.largest_um)),
         gain_limit=min(LARGEST_GAIN, 4.0 * largest) if with_gain else 0.0,
     )
 
@@ -66,7 +66,7 @@ def _drift(variances: Array) -> Drift:
     return Drift(walk, of_walk, start, of_start, noise)
 
 
-class _Material:
+class _Samples:
     """Samples of several courses, thinned, each with the number of touch-offs before it."""
 
     def __init__(self, courses: Sequence[Course]) -> None:

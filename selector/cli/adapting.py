@@ -87,7 +87,7 @@ def adapt(
     from selector.controllers.model_file import model_text
     from selector.controllers.self_check import usable_model
     from selector.study.applied import applied
-    from selector.study.material import provenance_of
+    from selector.study.data import provenance_of
     from selector.telling.adapted import adaptation_account
 
     every_s = asked.every_s()

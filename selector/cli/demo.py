@@ -44,16 +44,16 @@ def demo(out: Annotated[Path, option("demo --out")] = Path("selector-demo"), eve
     with folder_written_whole(out) as folder:
         for name, options in studies.items():
             with progress_bar(spoken=True) as progress:
-                selection, material = study(sources[name], options, progress)
-            account = selection_account(selection, material.description)
+                selection, data = study(sources[name], options, progress)
+            account = selection_account(selection, data.description)
             # the sentences of the reconstruction have its numbers
             shown = account if everything or name == first else replace(account, answer=None)
             showing.show_account(console, shown, everything=everything, rest="--all")
             showing.show_findings(console, selection.findings, everything=everything, most=1)
             (folder / name).mkdir()
-            write_results(selection, account, material, folder / name)
+            write_results(selection, account, data, folder / name)
             selections.append(selection)
-            descriptions.append(material.description)
+            descriptions.append(data.description)
         verdicts = Counter(line.verdict for line in audit_patent())
         told = f"{verdicts['agrees independently']} of {verdicts.total()} agree independently"
         console.print(f"The patent's printed numbers: {told}; see `selector audit-patent`.", markup=False)

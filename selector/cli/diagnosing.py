@@ -53,7 +53,7 @@ def diagnose(
                 with told_if_no_text(console):
                     read = (answer.recorded, answer.simulated)
                     written += diagnosed.write_diagnosis_study(folder, out, source, asked, *read, opened)
-    from selector.study.material import beside_recordings
+    from selector.study.data import beside_recordings
 
     beside = beside_recordings(answer.recorded.findings)
     if as_json:

@@ -38,7 +38,7 @@ def describe(
     from selector.quality import usable
     from selector.readers import guessed_clock, machine_of, write_machine_file
     from selector.readers.roles.repairs import proposed
-    from selector.study.material import drift_of
+    from selector.study.data import drift_of
     from selector.telling.origin import description_account
 
     if write is not None:

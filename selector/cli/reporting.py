@@ -79,7 +79,7 @@ def _page(result: Result, say: Say) -> str:
 
 def _selection_page(result: Result, say: Say) -> str:
     from selector.selection.result_file import selection_of
-    from selector.study.material import material_of
+    from selector.study.data import study_data
     from selector.telling.page import account_page
     from selector.telling.result_file import made_of
     from selector.telling.selected.account import selection_account
@@ -87,7 +87,7 @@ def _selection_page(result: Result, say: Say) -> str:
     selection = made_of(result, selection_of)
     study = _unchanged_study(result, say, "how the recordings were read, and where the sensors sit")
     said, date = (None, None) if study is None else (study.source, study.study.date)
-    description = None if said is None else material_of(said.runs, said.machine, said.overrides()).description
+    description = None if said is None else study_data(said.runs, said.machine, said.overrides()).description
     return made_of(result, lambda _: account_page(selection_account(selection, description, date=date, drawn=True)))
 
 

@@ -34,7 +34,7 @@ from selector.errors import OptionError
 
 if TYPE_CHECKING:
     from selector.selection import Options, Selection
-    from selector.study.material import Material
+    from selector.study.data import StudyData
     from selector.telling.account import Account
 
 
@@ -146,28 +146,28 @@ def select(
         require_writable_folder(out, "--out", ("selection.json", "model.json", "report.html"))
     written: list[str] = []
     with progress_bar() as progress:
-        selection, material = study(source, options, progress)
+        selection, data = study(source, options, progress)
         # what is neither written nor shown is not worked out
-        tell = partial(selection_account, selection, material.description, date=date)
+        tell = partial(selection_account, selection, data.description, date=date)
         with _results_folder(out, opened) as folder:
             account = None if folder is None else tell(drawn=True)
             if folder is not None and account is not None:
                 from selector.telling import write_account
 
                 progress("writing", 1.0)
-                write_results(selection, account, material, folder, date=date)
+                write_results(selection, account, data, folder, date=date)
                 write_account(account, folder / "report.html")
                 found = hashes(folder)
             if folder is not None and out is not None:
                 written = ["selection.json", "model.json", "report.html"]
                 with told_if_no_text(console):
-                    files = recording_entries(out, source, material.files, material.machine_file)
+                    files = recording_entries(out, source, data.files, data.machine_file)
                     written += write_study_beside(folder, out, source, files, opened=opened, select=options, date=date)
     if as_json:
         showing.print_json(selection.as_dict())
-        showing.show_findings(console, material.beside)
+        showing.show_findings(console, data.beside)
     else:
-        findings = (*selection.findings, *material.beside)
+        findings = (*selection.findings, *data.beside)
         showing.show_answer(console, account or tell(), findings, everything=everything)
     if out is not None:
         showing.show_written(console, out, written)
@@ -188,30 +188,28 @@ def _results_folder(out: Path | None, opened: OpenedStudy | None) -> Iterator[Pa
         yield None
 
 
-def study(source: Source, options: Options, progress: Progress) -> tuple[Selection, Material]:
+def study(source: Source, options: Options, progress: Progress) -> tuple[Selection, StudyData]:
     """Read, inspect and select; the result, and what it was made from."""
     from selector.models.best_subsets.subsets import compile_search
     from selector.selection import select as selected
     from selector.study.applied import proven_on_control
-    from selector.study.material import material_of
+    from selector.study.data import study_data
 
     progress("compiling the search, which takes a while only once", None)
     compile_search()
     progress("reading", 0.0)
-    material = material_of(source.runs, source.machine, source.overrides())
-    selection = selected(
-        material.source, options, findings=material.findings, provenance=material.provenance, progress=progress
-    )
-    return proven_on_control(selection, material), material
+    data = study_data(source.runs, source.machine, source.overrides())
+    selection = selected(data.source, options, findings=data.findings, provenance=data.provenance, progress=progress)
+    return proven_on_control(selection, data), data
 
 
 def write_results(
-    selection: Selection, account: Account, material: Material, folder: Path, *, date: str | None = None
+    selection: Selection, account: Account, data: StudyData, folder: Path, *, date: str | None = None
 ) -> None:
     """selection.json and model.json, into a folder that exists."""
     from selector.controllers.from_selection import model_file_of
     from selector.controllers.model_file import write_model
 
-    model = model_file_of(selection, material.source.channels, source=material.source, date=date)
+    model = model_file_of(selection, data.source.channels, source=data.source, date=date)
     (folder / "selection.json").write_text(showing.json_text(account.data) + "\n", encoding="utf-8", newline="\n")
     write_model(model, folder / "model.json")

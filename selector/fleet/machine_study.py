@@ -25,8 +25,8 @@ from selector.readers.files import recording_files
 from selector.selection import select
 from selector.study.applied import proven_on_control
 from selector.study.asked import options_of, overrides_of
+from selector.study.data import study_data
 from selector.study.inputs import sha256_of
-from selector.study.material import material_of
 from selector.study.study_file import Study
 
 OVERDUE = "no answer within {:g} s: raise time_limit_s, or offer fewer sensors and terms"
@@ -124,12 +124,12 @@ def answered(task: Task) -> Answer:
             )
         return _answered(task, start, key.append)
     except Exception as error:
-        said, is_unkept = told_of(error), is_full(error) or isinstance(error, StorageError)
+        said, is_unkept = error_text(error), is_full(error) or isinstance(error, StorageError)
     seconds = round(time.monotonic() - start, 3)
     return Answer(status="failed", error=said, key=key[0] if key else None, seconds=seconds, is_unkept=is_unkept)
 
 
-def told_of(error: Exception) -> str:
+def error_text(error: Exception) -> str:
     """What is told of an error that must not stop the other machines."""
     if isinstance(error, MemoryError):
         return f"memory ran out ({error}): use fewer processes, or store the recordings as Parquet"
@@ -156,22 +156,20 @@ def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answ
                 raise CancelledError(OVERDUE.format(task.time_limit_s))
 
         options = options_of(study, where=f"machine {task.name}")
-        material = material_of(runs, machine, overrides_of(study))
+        data = study_data(runs, machine, overrides_of(study))
         in_time()
-        if any(hashes.get(Path(file)) != sha256 for file, sha256 in material.files):
+        if any(hashes.get(Path(file)) != sha256 for file, sha256 in data.files):
             raise ReadError(
                 "a recording that changed while it was read",
                 expected="recordings that nobody writes to",
                 where=", ".join(study.recordings.runs)[:300],
                 advice="run the fleet again when the logger is done",
             )
-        selection = select(
-            material.source, options, findings=material.findings, provenance=material.provenance, progress=in_time
-        )
-        selection = proven_on_control(selection, material)
+        selection = select(data.source, options, findings=data.findings, provenance=data.provenance, progress=in_time)
+        selection = proven_on_control(selection, data)
         place = task.results / key
         write_whole(place / "selection.json", (json_text(selection.as_dict()) + "\n").encode("utf-8"))
-        write_model(model_file_of(selection, material.source.channels, source=material.source), place / "model.json")
+        write_model(model_file_of(selection, data.source.channels, source=data.source), place / "model.json")
         done = Done(
             sensors=selection.chosen,
             heldout_rmse_um={name: selection.proof.rmse_um(name) for name in selection.models},

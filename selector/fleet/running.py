@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError
 from selector.atomic_file import write_whole
 from selector.errors import OptionError, ResultError, StorageError, StudyError
 from selector.fleet.fleet_file import Fleet
-from selector.fleet.machine_study import OVERDUE, Answer, Document, Refit, Task, known_answer, told_of
+from selector.fleet.machine_study import OVERDUE, Answer, Document, Refit, Task, error_text, known_answer
 from selector.fleet.refitting import Challenge, challenge_of, settled, without_use
 from selector.fleet.workers import Workers
 from selector.json_text import json_text
@@ -174,7 +174,7 @@ def _guarded(champion: Answer, doing: Callable[[], Kind]) -> Kind | Answer:
     except StorageError:
         raise  # it stops the others, too
     except Exception as error:
-        return without_use(champion, told_of(error))
+        return without_use(champion, error_text(error))
 
 
 def _whole(answer: Answer, results: Path) -> Answer:

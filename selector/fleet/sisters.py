@@ -43,7 +43,7 @@ from selector.selection.result import Proof, ProvenModel, RunProof
 from selector.selection.survey import RunsOf, survey
 from selector.selection.workflow import fit_per_run
 from selector.study.asked import options_of, overrides_of
-from selector.study.material import material_of
+from selector.study.data import study_data
 from selector.study.study_file import Study
 from selector.types import Array
 
@@ -463,7 +463,7 @@ def _recording(study: Study) -> Recording:
     """The recordings of a machine without their faults; very long ones thinned."""
     with tempfile.TemporaryDirectory() as folder:
         runs, machine = local_recordings(study.recordings, Path(folder))
-        source = material_of(list(runs), machine, overrides_of(study)).source
+        source = study_data(list(runs), machine, overrides_of(study)).source
         first = source.channels[0].name
         n_samples = sum(len(time_s) for run in source.runs for time_s, _ in source.chunks(run, [first]))
         return thinned(source, -(-n_samples // MOST_SAMPLES))

@@ -19,7 +19,7 @@ from selector.controllers.model_file import read_model
 from selector.errors import ResultError
 from selector.fleet.fleet_file import Fleet
 from selector.fleet.later_runs import by_age, part_of, runs_by_age
-from selector.fleet.machine_study import DONE_FILE, Answer, Document, known_answer, told_of
+from selector.fleet.machine_study import DONE_FILE, Answer, Document, error_text, known_answer
 from selector.fleet.places import local_recordings
 from selector.fleet.running import has_model, read_answer
 from selector.json_text import json_text
@@ -199,7 +199,7 @@ def watch_fleet(fleet: Fleet, tell: Callable[[str, WatchedMachine, int, int], No
             try:
                 found[name] = _watched(study, answer, fleet.results / str(answer.key))
             except Exception as error:
-                found[name] = WatchedMachine(status="failed", error=told_of(error), key=answer.key)
+                found[name] = WatchedMachine(status="failed", error=error_text(error), key=answer.key)
         if tell is not None:
             tell(name, found[name], len(found), len(fleet.studies))
     watch = FleetWatch(alarms=sum(one.status == "alarm" for one in found.values()), machines=found)

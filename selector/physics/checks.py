@@ -70,7 +70,7 @@ def keep_arrays(values: object, *names: str) -> None:
 
 
 @contextmanager
-def told_of(what: str, *, of_keys: bool = False) -> Iterator[None]:
+def errors_name(what: str, *, of_keys: bool = False) -> Iterator[None]:
     """Errors inside say `what` they are about, an axis or a run; with `of_keys` also those of keys of the file."""
     try:
         yield
@@ -85,7 +85,7 @@ def told_of(what: str, *, of_keys: bool = False) -> Iterator[None]:
 def require_within(values: NDArray[np.float64], time_s: NDArray[np.float64], most: float, unit: str) -> None:
     """Raises InputError if a value of a course is beyond what any machine has; missing ones are allowed.
 
-    The caller says with `told_of` which course it is.
+    The caller says with `errors_name` which course it is.
     """
     beyond = np.flatnonzero(np.abs(values) > most)
     if len(beyond):

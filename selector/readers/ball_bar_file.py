@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from selector.findings import Finding, Where
-from selector.physics.checks import told_of
+from selector.physics.checks import errors_name
 from selector.physics.drive.ball_bar.circle import BallBarTrace, middle_turn, positions_trace
 from selector.readers.cells import is_time_name
 from selector.readers.clock.stamps import time_unit
@@ -212,7 +212,7 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
                     "no feed", "the feed at which the circle was run", place,
                     "give --feed in mm/min, a column feed_mm_per_min, or a line 'Feed: 1000 mm/min' above the table",
                 )  # fmt: skip
-            with told_of(place):
+            with errors_name(place):
                 trace = BallBarTrace(turned, deviation[kept], way, feed, radius_m, axes or ("X", "Y"))
             yield ReadCircle(trace, table.file, (angles[0].header, value.header), way != rising)
 
@@ -240,7 +240,7 @@ def _of_positions(
     first, second = (_numbers(one, ("m", "mm"), said, where) for one in positions)
     middle = tuple(float(np.ptp(one) / 2.0 + one.min()) for one in (first, second))
     time_s = _seconds(time, where)
-    with told_of(where):
+    with errors_name(where):
         trace = positions_trace(time_s, first, second, radius_m=radius_m, centre_m=(middle[0], middle[1]), axes=axes)
     return ReadCircle(trace, table.file, tuple(one.header for one in (time, *positions)))
 

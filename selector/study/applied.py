@@ -26,8 +26,8 @@ from selector.number_text import listed
 from selector.readers import Reading
 from selector.recording import Recording
 from selector.selection import Selection
+from selector.study.data import StudyData
 from selector.study.finding_table import FINDINGS
-from selector.study.material import Material
 
 MOST_ROWS = 200_000  #: Of more the program is not run for a study: it takes a tenth of a millisecond a row.
 
@@ -45,9 +45,9 @@ def applied(model: ModelFile, reading: Reading) -> tuple[Application, Recording]
     return replace(application, findings=findings), compared
 
 
-def proven_on_control(selection: Selection, material: Material) -> Selection:
+def proven_on_control(selection: Selection, data: StudyData) -> Selection:
     """The selection, and what a control leaves that loses the readings which were filled in for the study."""
-    lost, filled = material.lost, material.source
+    lost, filled = data.lost, data.source
     if lost is None or not isinstance(filled, Recording) or len(lost.frame) > MOST_ROWS:
         return selection
     model = with_decided_limits(model_file_of(selection, filled.channels, source=filled))

@@ -23,7 +23,7 @@ from selector.workbench import commands
 from selector.workbench.cycle import Cycle, Step, cycle_in, write_cycle
 from selector.workbench.jobs import Job, Jobs
 from selector.workbench.live import Latest, Live
-from selector.workbench.readable import Loaded, Material, as_far_as_readable, inspected, placed
+from selector.workbench.readable import Inspection, Loaded, as_far_as_readable, inspected, placed
 from selector.workbench.saved_study import Asked, asked_in, save
 from selector.workbench.study_folder import CYCLE, MACHINE, MACHINE_BEFORE, MODELS, RECORDINGS, SIMULATION, files_in
 
@@ -48,7 +48,7 @@ class Bench:
         self.revision = 0
         self._asked = 0
         self._started = -1, 0
-        #: Whether recordings are being read; `material` is that of before
+        #: Whether recordings are being read; `inspection` is that of before
         self.is_reading = False
         self._has_reader = False
         saved = asked_in(folder)
@@ -62,7 +62,7 @@ class Bench:
         self.options = asked.options  #: What is asked of a selection
         self._diagnosis = asked.diagnosis
         self.export = asked.export  #: What is asked of an export
-        self.material = Material()  #: What was read, and found
+        self.inspection = Inspection()  #: What was read, and found
         self.live = Live(self.changed)
         self.prediction, self.simulation = commands.Prediction(), commands.Simulation()
         self.ball_bar = commands.BallBar()  #: What is asked of measured circles
@@ -89,7 +89,7 @@ class Bench:
 
     def channels(self, *roles: str) -> list[str]:
         """Names of the channels that were read, of these roles if any."""
-        recording = None if self.material.reading is None else self.material.reading.recording
+        recording = None if self.inspection.reading is None else self.inspection.reading.recording
         return [] if recording is None else list(recording.with_role(*roles) if roles else recording.names)
 
     def models(self, kind: str) -> dict[str, str]:
@@ -207,7 +207,7 @@ class Bench:
             write_machine_file(machine, own, guessed_clock=guessed_clock(reading))
             with self._lock:
                 self.machine = own
-                self._publish(Material(0, dataclasses.replace(reading, machine_file=str(own)), findings))
+                self._publish(Inspection(0, dataclasses.replace(reading, machine_file=str(own)), findings))
         finally:
             with self._lock:
                 self.is_reading = self._asked != number
@@ -220,9 +220,9 @@ class Bench:
         """
         with self._lock:
             own = self.folder / MACHINE
-            reading = placed(self.material.reading, places_m, own)
+            reading = placed(self.inspection.reading, places_m, own)
             self.machine = own
-            self.material = dataclasses.replace(self.material, reading=reading)
+            self.inspection = dataclasses.replace(self.inspection, reading=reading)
             self.changed()
 
     def read(self) -> None:
@@ -240,17 +240,17 @@ class Bench:
         while True:
             with self._lock:
                 number = self._asked
-            loaded, material = as_far_as_readable(self.loaded, self.machine, self.overrides)
+            loaded, inspection = as_far_as_readable(self.loaded, self.machine, self.overrides)
             with self._lock:
                 if number != self._asked:
                     continue
                 self._loaded = [loaded.get(one.path, one) for one in self._loaded]
-                self._publish(material)
+                self._publish(inspection)
                 self.is_reading = self._has_reader = False
                 return
 
-    def _publish(self, material: Material) -> None:
-        self.material = dataclasses.replace(material, number=self.material.number + 1)
+    def _publish(self, inspection: Inspection) -> None:
+        self.inspection = dataclasses.replace(inspection, number=self.inspection.number + 1)
         self.changed()
 
     def source_arguments(self) -> tuple[str, ...]:
@@ -260,7 +260,7 @@ class Bench:
     def save(self) -> Path:
         """Writes the study file of the study folder, see `saved_study.save`."""
         asked = Asked(self.used, self.machine, self.overrides, self.options, self.diagnosis, self.export)
-        return save(self.folder, asked, self.material.reading, self.simulated)
+        return save(self.folder, asked, self.inspection.reading, self.simulated)
 
     def start(self, title: str, command: Sequence[str], out: Path | None = None) -> Job:
         """Runs a command, the words after ``selector``, in the study folder; `out` is the folder it writes.

@@ -13,7 +13,7 @@ from selector.recording import Recording
 from selector.selection import Exploration, Options
 from selector.selection.exploration import Cut, FixedSet, plain_level
 from selector.workbench.access import defect
-from selector.workbench.readable import Material
+from selector.workbench.readable import Inspection
 
 _Made = TypeVar("_Made")
 
@@ -112,17 +112,17 @@ class Live:
         self._response: str | None = None
         self._looks = 0
 
-    def exploration(self, material: Material, options: Options) -> Exploration | None:
+    def exploration(self, inspection: Inspection, options: Options) -> Exploration | None:
         """The exploration of these recordings with these wishes; None: it is being made, or there is nothing to read.
 
         Raises InputError: the recordings cannot be explored, or the wishes cannot be had.
         """
-        if (reading := material.reading) is None:
+        if (reading := inspection.reading) is None:
             return None
         similarity = (options.reference, options.absolute_similarity, tuple(options.conditions.items()))
         plain = replace(options, must=(), never=(), cost={})
-        asked = (material.number, options.responses, *similarity)
-        made = self._latest.of(asked, lambda: _explored(reading.recording, plain, material.findings))
+        asked = (inspection.number, options.responses, *similarity)
+        made = self._latest.of(asked, lambda: _explored(reading.recording, plain, inspection.findings))
         if made is None:
             return None
         with self._lock:

@@ -37,7 +37,7 @@ class Loaded:
 
 
 @dataclasses.dataclass(frozen=True)
-class Material:
+class Inspection:
     """What was read from the recordings in use, and what was found on the way; `problem` where nothing was.
 
     `number` is another one for each reading.
@@ -51,19 +51,19 @@ class Material:
 
 def as_far_as_readable(
     recordings: Iterable[Loaded], machine: Path | None, overrides: Overrides
-) -> tuple[dict[Path, Loaded], Material]:
+) -> tuple[dict[Path, Loaded], Inspection]:
     """The recordings, marked where they are refused even alone; and what was read from those in use that are not."""
     loaded = {one.path: one for one in recordings}
     used = [path for path, one in loaded.items() if one.is_used]
-    material = _read_together(used, machine, overrides)
-    if material.problem is None:
-        return loaded, material
+    inspection = _read_together(used, machine, overrides)
+    if inspection.problem is None:
+        return loaded, inspection
     alone = {path: _read_together([path], machine, overrides).problem for path in used}
     refused = {path: problem for path, problem in alone.items() if problem is not None}
     loaded |= {path: Loaded(path, is_used=False, problem=problem) for path, problem in refused.items()}
     if refused:
-        material = _read_together([path for path in used if path not in refused], machine, overrides)
-    return loaded, material
+        inspection = _read_together([path for path in used if path not in refused], machine, overrides)
+    return loaded, inspection
 
 
 def inspected(
@@ -78,16 +78,16 @@ def inspected(
     return reading, (*reading.findings, *faults)
 
 
-def _read_together(paths: Sequence[Path], machine: Path | None, overrides: Overrides) -> Material:
+def _read_together(paths: Sequence[Path], machine: Path | None, overrides: Overrides) -> Inspection:
     if not paths:
-        return Material()
+        return Inspection()
     try:
-        return Material(0, *inspected(paths, machine, overrides))
+        return Inspection(0, *inspected(paths, machine, overrides))
     except InputError as problem:
-        return Material(problem=problem)
+        return Inspection(problem=problem)
     except Exception as error:
         # the thread that reads must not die silently
-        return Material(problem=_input_error(error))
+        return Inspection(problem=_input_error(error))
 
 
 def _input_error(error: Exception) -> InputError:

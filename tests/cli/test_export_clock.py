@@ -68,7 +68,7 @@ def test_a_guess_of_the_workbench_does_not_become_a_statement(study, tmp_path):
         bench.add(file)
     while bench.is_reading:
         pass
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     bench.correct(corrected(reading, rows_of(reading)))
     text = (tmp_path / "machine.toml").read_text(encoding="utf-8")
     assert '\n# unit = "s"  # a guess' in text
@@ -78,7 +78,7 @@ def test_a_guess_of_the_workbench_does_not_become_a_statement(study, tmp_path):
     bench.read_as(Overrides(time_unit="min"))
     while bench.is_reading:
         pass
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     bench.correct(corrected(reading, rows_of(reading)))
     again = read(files[:1], machine=tmp_path / "machine.toml")
     assert again.runs[0].period_s == pytest.approx(PERIOD_S)

@@ -139,14 +139,14 @@ class TestErrorsAreAnswers:
         from selector.fleet import machine_study
 
         shutil.rmtree(again / "results")
-        before = machine_study.material_of
+        before = machine_study.study_data
 
         def grown(*arguments):
             with (again / "m" / "r1.csv").open("a", encoding="utf-8") as file:
                 file.write("2400,20,20,20,20,1\n")
             return before(*arguments)
 
-        monkeypatch.setattr(machine_study, "material_of", grown)
+        monkeypatch.setattr(machine_study, "study_data", grown)
         self.told(answered(task(again)), "changed while it was read")
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError, OptionError
-from selector.physics.checks import require_within, told_of
+from selector.physics.checks import errors_name, require_within
 
 
 def refused(where: str) -> InputError:
@@ -12,13 +12,13 @@ def refused(where: str) -> InputError:
 
 
 def test_errors_say_what_they_are_about():
-    with pytest.raises(OptionError) as caught, told_of("run a"), told_of("axis X"):
+    with pytest.raises(OptionError) as caught, errors_name("run a"), errors_name("axis X"):
         raise refused("recorded course")
     assert caught.value.where == "run a, axis X, recorded course"
 
 
 def test_keys_of_a_file_stay_in_front():
-    with pytest.raises(OptionError) as caught, told_of("run a", of_keys=True), told_of("axis X"):
+    with pytest.raises(OptionError) as caught, errors_name("run a", of_keys=True), errors_name("axis X"):
         raise refused("key run.step_s")
     assert caught.value.where == "key run.step_s, run a"
 

@@ -15,7 +15,7 @@ from selector.readers import is_large, read, stream_parquet
 from selector.readers import stream as streaming
 from selector.readers.machine_file import machine_from_text
 from selector.readers.tables import Overrides
-from selector.study.material import material_of
+from selector.study.data import study_data
 
 ROOT = Path(__file__).resolve().parents[2]
 MACHINE = machine_from_text(
@@ -140,9 +140,9 @@ def test_memory_is_bounded(tmp_path):
 
 def test_what_the_user_says_holds_for_pieces_too(files, monkeypatch):
     said = Overrides(units={"T1": "degC"}, roles={"Z": "position"}, time_unit="s")
-    whole = material_of(files, None, said)
+    whole = study_data(files, None, said)
     monkeypatch.setattr(streaming, "LARGE_BYTES", 1000)
-    pieces = material_of(files, None, said)
+    pieces = study_data(files, None, said)
     assert [f.id for f in pieces.findings if f.id == "read-in-pieces"] == ["read-in-pieces"]
     assert pieces.source.channels == whole.source.channels
     assert {c.name: c.role for c in pieces.source.channels}["Z"] == "position"

@@ -35,7 +35,7 @@ def bench(tmp_path):
 
 
 def test_recordings_are_read(bench):
-    assert [run.name for run in bench.material.reading.runs] == ["r1", "r2"]
+    assert [run.name for run in bench.inspection.reading.runs] == ["r1", "r2"]
     assert bench.source_arguments() == (
         str(VMC / "r1.csv"), str(VMC / "r2.csv"), "--machine", str(VMC / "machine.toml")
     )  # fmt: skip
@@ -49,12 +49,12 @@ def test_lost_readings_are_told_and_what_is_wrong_where_nothing_can_be_used(tmp_
         (tmp_path / f"{name}.csv").write_text("Time [s],T1 [degC],Z [um]\n" + "\n".join(rows) + "\n")
     bench = Bench(tmp_path, [tmp_path / "one.csv", tmp_path / "two.csv"])
     bench.read()
-    assert "readings-lost" in {one.id for one in settled(bench).material.findings}
+    assert "readings-lost" in {one.id for one in settled(bench).inspection.findings}
     bench.use([tmp_path / "one.csv"])
     settled(bench)  # it reads them, and would find a file that is half written
     (tmp_path / "one.csv").write_text("Time [s],T1 [degC],Z [um]\n0,20,0\n60,21,1\n")
     bench.read()
-    assert "short-run" in {one.id for one in settled(bench).material.findings}
+    assert "short-run" in {one.id for one in settled(bench).inspection.findings}
 
 
 @pytest.mark.parametrize(
@@ -66,8 +66,8 @@ def test_a_wrong_file_is_set_aside_with_the_readers_own_words(bench, tmp_path, c
     wrong.write_bytes(content)
     bench.add(wrong)
     settled(bench)
-    assert [run.name for run in bench.material.reading.runs] == ["r1", "r2"]
-    assert bench.material.problem is None
+    assert [run.name for run in bench.inspection.reading.runs] == ["r1", "r2"]
+    assert bench.inspection.problem is None
     refused = bench.loaded[-1]
     assert not refused.is_used
     assert "wrong.csv" in str(refused.problem)
@@ -77,17 +77,17 @@ def test_a_wrong_file_is_set_aside_with_the_readers_own_words(bench, tmp_path, c
 def test_files_are_left_out_and_taken_back(bench):
     before = bench.revision
     bench.use([VMC / "r2.csv"])
-    assert [run.name for run in settled(bench).material.reading.runs] == ["r2"]
+    assert [run.name for run in settled(bench).inspection.reading.runs] == ["r2"]
     assert bench.revision > before
     bench.use([VMC / "r1.csv", VMC / "r2.csv"])
-    assert len(settled(bench).material.reading.runs) == 2
+    assert len(settled(bench).inspection.reading.runs) == 2
     bench.use([])
-    assert settled(bench).material.reading is None
+    assert settled(bench).inspection.reading is None
 
 
 def test_corrections_are_written_into_the_study_and_the_old_ones_kept(bench, tmp_path):
     given = (VMC / "machine.toml").read_bytes()
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     bench.correct(corrected(reading, rows_of(reading)))
     assert bench.machine == tmp_path / "machine.toml"
     assert bench.source_arguments()[-2:] == ("--machine", "machine.toml")
@@ -98,12 +98,12 @@ def test_corrections_are_written_into_the_study_and_the_old_ones_kept(bench, tmp
 
 
 def test_corrections_that_cannot_be_read_change_nothing(bench, tmp_path):
-    machine = corrected(bench.material.reading, rows_of(bench.material.reading))
+    machine = corrected(bench.inspection.reading, rows_of(bench.inspection.reading))
     broken = machine.model_copy(update={"time": machine.time.model_copy(update={"column": "not there"})})
-    before = bench.material
+    before = bench.inspection
     with pytest.raises(InputError, match="not there"):
         bench.correct(broken)
-    assert bench.material is before
+    assert bench.inspection is before
     assert not bench.is_reading
     assert not (tmp_path / "machine.toml").exists()
 
@@ -111,29 +111,29 @@ def test_corrections_that_cannot_be_read_change_nothing(bench, tmp_path):
 def test_a_way_of_reading_that_fails_says_so_and_can_be_taken_back(bench):
     bench.read_as(Overrides(time_column="not there"))
     settled(bench)
-    assert bench.material.reading is None
+    assert bench.inspection.reading is None
     assert all("not there" in str(one.problem) for one in bench.loaded)
     bench.read_as(Overrides())
-    assert len(settled(bench).material.reading.runs) == 2
+    assert len(settled(bench).inspection.reading.runs) == 2
 
 
 def test_the_last_reading_counts(bench):
     for _ in range(3):
         bench.use([VMC / "r1.csv"])
         bench.use([VMC / "r2.csv"])
-    assert [run.name for run in settled(bench).material.reading.runs] == ["r2"]
+    assert [run.name for run in settled(bench).inspection.reading.runs] == ["r2"]
     wait_for(lambda: all(thread.name != "selector-read" for thread in threading.enumerate()))
-    assert [run.name for run in bench.material.reading.runs] == ["r2"]
+    assert [run.name for run in bench.inspection.reading.runs] == ["r2"]
 
 
 def test_a_study_folder_is_taken_up(bench, tmp_path):
     (tmp_path / "recordings").mkdir()
     (tmp_path / "recordings" / "r3.csv").write_bytes((VMC / "r3.csv").read_bytes())
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     bench.correct(corrected(reading, rows_of(reading)))
     again = Bench(tmp_path)
     again.read()
-    assert [run.name for run in settled(again).material.reading.runs] == ["r3"]
+    assert [run.name for run in settled(again).inspection.reading.runs] == ["r3"]
     assert again.machine == tmp_path / "machine.toml"
 
 
@@ -152,7 +152,7 @@ def test_a_double_click_is_one_job(bench):
     assert bench.start("Long", ("prove", "--jobs", "1", "--out", "proof")).number == first.number
     assert bench.start("Other", ("prove", "--jobs", "1", "--out", "other")).number == 1
     # the same words mean something else when the machine file was corrected meanwhile
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     bench.correct(corrected(reading, rows_of(reading)))
     assert bench.start("Other", ("prove", "--jobs", "1", "--out", "other")).number == 2
 
@@ -246,7 +246,7 @@ def test_many_files_at_once_are_read_one_reading_at_a_time(bench, tmp_path, monk
     monkeypatch.setattr(material_module, "read", counted)
     for name in ("r3.csv", "r4.csv", "r5.csv", "r6.csv"):
         bench.add(VMC / name)
-    assert len(settled(bench).material.reading.runs) == 6
+    assert len(settled(bench).inspection.reading.runs) == 6
     assert most == 1
 
 

@@ -83,7 +83,7 @@ def test_from_a_file_to_a_report(page, bench, study, tmp_path):
     page.get_by_role("button", name="Use these corrections").click()
     page.get_by_text("1 file(s) read with it").wait_for()
     assert 'unit = "degF"' in (study / "machine.toml").read_text(encoding="utf-8")
-    assert bench.material.reading.recording.values("warm up", ["T1"])[0, 0] == pytest.approx((20.4 - 32) / 1.8)
+    assert bench.inspection.reading.recording.values("warm up", ["T1"])[0, 0] == pytest.approx((20.4 - 32) / 1.8)
 
     page.locator("#to-selection").click()
     page.locator("#selection-max_sensors").fill("2")
@@ -259,7 +259,7 @@ def test_a_wrong_file_says_why_and_the_others_stay_and_one_that_is_dropped_joins
     assert page.get_by_role("alert").count() == 2
     assert "What to do" in page.get_by_role("alert").first.inner_text()
     page.get_by_text("The first lines of the file").wait_for()
-    assert [run.name for run in bench.material.reading.runs] == ["recording"]
+    assert [run.name for run in bench.inspection.reading.runs] == ["recording"]
 
     # one that is dropped beside the zone is not taken
     held = page.evaluate_handle(
@@ -328,7 +328,7 @@ def test_a_file_of_30_mb(page, bench, study, tmp_path):
             count += 5000
     send(page, tmp_path / "large.csv")
     page.get_by_text("The first lines of the file").wait_for()
-    assert bench.material.reading.runs[0].rows == count
+    assert bench.inspection.reading.runs[0].rows == count
     # the page still answers
     page.locator("#to-selection").click()
     page.locator("#selection-start").wait_for()

@@ -99,7 +99,7 @@ def kept(bench) -> list[object]:
 
 def of_right_kinds(bench) -> bool:
     """Whether all that is kept consists of texts, numbers and names that there are."""
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     # asked as a text or a number that fits no file, the recordings cannot be read until they are asked otherwise
     names = [] if reading is None else reading.recording.names
     options, overrides = bench.options, bench.overrides
@@ -123,7 +123,7 @@ def test_values_of_wrong_kinds_are_neither_kept_nor_a_failure(app, client, bench
         assert not (bench.folder / "machine.toml").exists(), request
         bench.options, bench.overrides = Options(), Overrides()
         bench._diagnosis, bench.export = DiagnoseSection(), Export()
-        if bench.material.reading is None:
+        if bench.inspection.reading is None:
             bench.read()
             wait_for(lambda: not bench.is_reading)
 

@@ -182,7 +182,7 @@ def test_a_file_is_left_out_and_used_again_by_keyboard(page, bench):
     tick.focus()
     page.keyboard.press("Space")
     row.filter(has_text="left out").wait_for()
-    wait_for(lambda: "r2" not in {run.name for run in bench.material.reading.runs})
+    wait_for(lambda: "r2" not in {run.name for run in bench.inspection.reading.runs})
     assert [path.name for path in bench.used] == [one.path.name for one in bench.loaded if one.path.name != "r2.csv"]
     # who works with the keyboard stays where he is
     assert page.evaluate("document.activeElement.getAttribute('aria-label')") == "use r2.csv"
@@ -201,7 +201,7 @@ def test_files_of_two_loggers_become_runs_with_a_click(page, bench, tmp_path):
     page.get_by_role("button", name="Read these pairs as 3 runs").click()
     page.get_by_role("button", name="Take the repair of temperatures1 back").wait_for()
     assert machine_file(bench.folder / "machine.toml").runs["temperatures2"].beside == ("gauge2",)
-    assert [run.name for run in bench.material.reading.runs] == [f"temperatures{k}" for k in range(1, 4)]
+    assert [run.name for run in bench.inspection.reading.runs] == [f"temperatures{k}" for k in range(1, 4)]
     assert page.locator("table.files tr", has_text="gauge3.csv").get_by_role("cell").nth(2).inner_text() != ""
 
 

@@ -37,7 +37,7 @@ def bench(recordings, tmp_path):
     folder.mkdir()
     found = Bench(folder.resolve(), recordings, recordings[0].with_name("machine.toml"))
     found.read()
-    wait_for(lambda: found.material.reading is not None)
+    wait_for(lambda: found.inspection.reading is not None)
     return found
 
 
@@ -53,7 +53,7 @@ def ready(bench) -> Exploration:
     found = []
 
     def is_there() -> bool:
-        found[:] = [bench.live.exploration(bench.material, bench.options)]
+        found[:] = [bench.live.exploration(bench.inspection, bench.options)]
         return found[0] is not None
 
     wait_for(is_there)
@@ -148,7 +148,7 @@ def test_recordings_that_cannot_be_explored_say_why(tmp_path):
     (tmp_path / "warm.csv").write_text("time_s,T1\n" + "".join(f"{k},{20 + k}\n" for k in range(60)), encoding="utf-8")
     bench = Bench(tmp_path, [tmp_path / "warm.csv"])
     bench.read()
-    wait_for(lambda: bench.material.reading is not None)
+    wait_for(lambda: bench.inspection.reading is not None)
     with pytest.raises(OptionError, match="displacement"):
         ready(bench)
     assert sensors.command(bench) is None
@@ -156,20 +156,20 @@ def test_recordings_that_cannot_be_explored_say_why(tmp_path):
 
 def test_pins_go_into_the_machine_file_and_nothing_is_read_again(client, bench):
     explored = ready(bench)
-    number = bench.material.number
+    number = bench.inspection.number
     bench.place({"T1": (0.5, -0.25, 1.0), "T7": (0.0, 0.0, 2.0)})
     written = machine_file(bench.folder / "machine.toml")
     assert written.channels["T1"].xyz == (0.5, -0.25, 1.0)
     assert written.channels["T7"].xyz == (0.0, 0.0, 2.0)
     assert written.channels["T2"].xyz == pytest.approx(studies.PLACES_M["T2"])
-    assert bench.material.number == number
+    assert bench.inspection.number == number
     assert ready(bench) is explored
     places = dict(zip((pins := machine.pins(bench)).names, pins.points_m.tolist(), strict=True))
     assert places["T1"] == [0.5, -0.25, 1.0]
     again = Bench(bench.folder, [one.path for one in bench.loaded])
     again.read()
-    wait_for(lambda: again.material.reading is not None)
-    assert again.material.reading.recording.channel("T7").xyz_m == (0.0, 0.0, 2.0)
+    wait_for(lambda: again.inspection.reading is not None)
+    assert again.inspection.reading.recording.channel("T7").xyz_m == (0.0, 0.0, 2.0)
 
 
 @pytest.mark.parametrize("n", [1, 7, 37])
@@ -214,14 +214,14 @@ def test_a_run_that_no_picture_is_of_is_named(tmp_path):
     table.to_csv(files[2], index=False)
     bench = Bench(tmp_path, files, tmp_path / "machine.toml")
     bench.read()
-    wait_for(lambda: bench.material.reading is not None)
+    wait_for(lambda: bench.inspection.reading is not None)
     titles = pictures.titles(bench.live.view(ready(bench), bench.options))
     assert titles["runs"].endswith(f"on all 3 runs; not {files[2].stem}, where a sensor is missing")
     table["T3"] = pd.read_csv(files[1])["T3"]
     table.to_csv(files[2], index=False)
     bench.read()
-    number = bench.material.number
-    wait_for(lambda: bench.material.number > number)
+    number = bench.inspection.number
+    wait_for(lambda: bench.inspection.number > number)
     assert pictures.titles(bench.live.view(ready(bench), bench.options))["runs"].endswith("on all 4 runs")
 
 
@@ -253,11 +253,11 @@ def test_an_exploration_of_other_options_is_another_one(bench):
 
 
 def test_tables_are_downloaded_as_csv_that_no_spreadsheet_runs(bench, client):
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     channels = list(reading.recording.channels)
     hostile = dataclasses.replace(channels[0], place="=HYPERLINK(1)")
     recording = dataclasses.replace(reading.recording, channels=(hostile, *channels[1:]))
-    bench.material = dataclasses.replace(bench.material, reading=dataclasses.replace(reading, recording=recording))
+    bench.inspection = dataclasses.replace(bench.inspection, reading=dataclasses.replace(reading, recording=recording))
     bench.choose(must=(hostile.name,), cost={hostile.name: 2.5})
     answer = client.get("/tables/sensors.csv", base_url="http://127.0.0.1:8050")
     assert answer.headers["Content-Disposition"] == "attachment; filename=sensors.csv"

@@ -170,7 +170,7 @@ class Answer:
 
 def answered(source: Source, asked: Asked, progress: Callable[[str, float], None]) -> Answer:
     """Read, compare and diagnose. Raises InputError: a file cannot be read, or what is asked cannot be answered."""
-    from selector.study.material import without_folders
+    from selector.study.data import without_folders
 
     progress("reading", 0.0)
     improved, simulated = None, None
@@ -206,7 +206,7 @@ def _compared(source: Source, recorded: Reading, asked: Asked) -> tuple[Comparis
     from selector.cli.shared.simulation_inputs import not_simulated, simulated_reading
     from selector.diagnosis.matching.alignment import comparison_of
     from selector.readers.finding_table import CHANNELS_LACKING, COLUMNS_IGNORED
-    from selector.study.material import without_folders
+    from selector.study.data import without_folders
 
     if not asked.simulation:
         raise OptionError(
@@ -232,7 +232,7 @@ def _provenance(
 ) -> dict[str, Any]:
     """Files with their SHA-256, and what was asked, as the report shows them."""
     from selector.readers.roles.names import printable_name
-    from selector.study.material import provenance_of
+    from selector.study.data import provenance_of
 
     told = provenance_of(recorded)
     if simulated is not None:

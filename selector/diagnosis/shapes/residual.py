@@ -9,7 +9,7 @@ from selector.diagnosis.shapes.signals import course, excited, rate, rise
 from selector.types import Matrix, Vector
 
 
-def leftover(comparison: Comparison, response: str) -> Vector:
+def unexplained(comparison: Comparison, response: str) -> Vector:
     """Recorded − simulated [unit of the response] less offset, gain and delay; 0 where either is missing."""
     difference = comparison.difference(response)
     simulated = comparison.simulated_course(response)

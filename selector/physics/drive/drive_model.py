@@ -9,7 +9,7 @@ import pandas as pd
 
 from selector.errors import InputError
 from selector.findings import Finding
-from selector.physics.checks import told_of
+from selector.physics.checks import errors_name
 from selector.physics.drive.ball_bar.circle import LONGEST_PERIOD_S, BallBarTrace, Circle, PairGeometry, ball_bar_run
 from selector.physics.drive.file.model_file import (
     FAMILY,
@@ -210,7 +210,7 @@ class DriveModel(ModelOfFile[DriveFile]):
         axis, file = self.file_axes[name].axis, self.file
         step_s = file.run.step_s or advised_step_s(axis, reference.period_s)
         duration_s = (len(reference.position_m) - 1) * reference.period_s
-        with told_of(f"axis {name}"):
+        with errors_name(f"axis {name}"):
             require_few_steps(name, axis, duration_s, step_s, period_s=reference.period_s)
             course = self.file_axes[name].course(reference)
             motion = simulate_axis(
@@ -264,7 +264,7 @@ class DriveModel(ModelOfFile[DriveFile]):
             for name, axis in axes.items():
                 step_s = said or circle_step_s(axis, LONGEST_PERIOD_S)
                 require_few_steps(name, axis, circle.duration_s, step_s, period_s=period_s)
-            with told_of(f"run {run}"):
+            with errors_name(f"run {run}"):
                 traces[run], runs[run] = ball_bar_run(
                     axes,
                     circle,

@@ -10,7 +10,7 @@ import numpy as np
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.physics.channel_differences import ChannelDifference, as_recorded, require_named
-from selector.physics.checks import require_within, told_of
+from selector.physics.checks import errors_name, require_within
 from selector.physics.drive.drive_model import INPUTS, KINDS, DriveModel, DriveSimulation, axis_channels
 from selector.physics.drive.file.model_schema import MOST_ACTING, MOST_POSITION_M, FileAxis
 from selector.physics.drive.finding_table import FINDINGS
@@ -201,7 +201,7 @@ def driven_runs(
         progress(number, len(recording.runs), run)
         times[run] = recording.time_s(run)
         findings += [replace(one, where=replace(one.where, run=run)) for one in clock_findings(times[run])]
-        with told_of(f"run {run}", of_keys=True):
+        with errors_name(f"run {run}", of_keys=True):
             runs[run] = {
                 name: _axis_run(model, name, recording, run, channels[name], opened=opened, seed=noise)
                 for name in driven
@@ -228,7 +228,7 @@ def _axis_run(
     model: DriveModel, name: str, recording: Recording, run: str, channels: RecordedChannels, *, opened: bool, seed: int
 ) -> AxisRun:
     found, time_s = channels.found, recording.time_s(run)
-    with told_of(f"channel {found['command']}"):
+    with errors_name(f"channel {found['command']}"):
         commanded = _values(recording, run, found["command"])
         reference = recorded(time_s - time_s[0], commanded, _period_s(model, name, time_s))
     if "load" in found:
@@ -244,7 +244,7 @@ def _axis_run(
             commands = commands - added
     start = None
     if "position" in found:
-        with told_of(f"channel {found['position']}"):
+        with errors_name(f"channel {found['position']}"):
             start = _recorded_start(axis, time_s, _values(recording, run, found["position"]))
     if added is not None and commands is not None and not _takes_force(axis):
         commands, added = np.add(commands, added), None
@@ -313,7 +313,7 @@ def _values(recording: Recording, run: str, channel: str) -> Vector:
 
 def _on_grid(recording: Recording, run: str, channel: str, reference: Reference) -> Vector:
     """A recorded course at the samples of a reference, each value held until the next."""
-    with told_of(f"channel {channel}"):
+    with errors_name(f"channel {channel}"):
         time_s, values = recording.time_s(run), _values(recording, run, channel)
     if not np.isfinite(values).all():
         raise OptionError(

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.physics.channel_differences import as_recorded, clock_jitter
-from selector.physics.checks import require_within, told_of
+from selector.physics.checks import errors_name, require_within
 from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.gauge.transducer import wear_share
 from selector.physics.gauging.gauging_model import (
@@ -192,7 +192,7 @@ def driven_runs(
     findings = list(model_findings(model))
     for number, run in enumerate(recording.runs):
         progress(number, len(recording.runs), run)
-        with told_of(f"run {run}, channel {found[drives]}"):
+        with errors_name(f"run {run}, channel {found[drives]}"):
             time_s = recording.time_s(run)
             values, said = _complete(recording, run, found[drives])
             allowance = values

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.physics.channel_differences import as_recorded, clock_jitter
-from selector.physics.checks import require_within, told_of
+from selector.physics.checks import errors_name, require_within
 from selector.physics.model_text import key_text
 from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.vibration.finding_table import FINDINGS
@@ -211,7 +211,7 @@ def driven_runs(
     speeds: dict[str, dict[str, float]] = {}
     for number, run in enumerate(recording.runs):
         progress(number, len(recording.runs), run)
-        with told_of(f"run {run}", of_keys=True):
+        with errors_name(f"run {run}", of_keys=True):
             driven = _DrivenRun(model, recording, run, channels)
             signals[run] = driven.signal(phases)
         findings += [replace(one, where=replace(one.where, run=run)) for one in driven.findings]
@@ -324,7 +324,7 @@ class _DrivenRun:
     def _values(self, channel: str, most: float) -> Vector | None:
         """A recorded course with NaN where it lacks; None where nothing of it was recorded; told by findings."""
         values = np.asarray(self.recording.values(self.run, [channel])[:, 0], dtype=np.float64)
-        with told_of(f"channel {channel}"):
+        with errors_name(f"channel {channel}"):
             require_within(values, self.stamps_s, most, self.recording.channel(channel).unit)
         seen = np.isfinite(values)
         if not seen.any():

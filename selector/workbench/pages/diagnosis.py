@@ -73,7 +73,7 @@ def layout(bench: Bench) -> Component:
 def command(bench: Bench) -> tuple[str, ...] | None:
     """`selector diagnose` with what is asked."""
     asked = bench.diagnosis
-    if bench.material.reading is None or not (asked.simulation or asked.model):
+    if bench.inspection.reading is None or not (asked.simulation or asked.model):
         return None
     return ("diagnose", *bench.source_arguments(), *diagnosis_arguments(asked), "--out", DIAGNOSIS)
 
@@ -114,7 +114,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
 
 
 def _files(bench: Bench) -> Component:
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     runs = {run.name for run in reading.runs} if reading is not None else set()
     rows = []
     for path in bench.simulated:

@@ -81,7 +81,7 @@ def layout(bench: Bench) -> Component:
 
 def command(bench: Bench) -> tuple[str, ...] | None:
     """`selector predict` with what is asked."""
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     if reading is None or not bench.cycle.steps or not reading.recording.with_role("spindle_speed"):
         return None
     return prediction_command(bench.folder, bench.prediction, bench.used, bench.machine, bench.overrides)

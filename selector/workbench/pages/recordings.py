@@ -102,7 +102,7 @@ def layout(bench: Bench) -> Component:
 
 def command(bench: Bench) -> tuple[str, ...] | None:
     """`selector describe` of what is loaded."""
-    return ("describe", *bench.source_arguments()) if bench.material.reading else None
+    return ("describe", *bench.source_arguments()) if bench.inspection.reading else None
 
 
 def register(app: dash.Dash, bench: Bench) -> None:
@@ -124,15 +124,15 @@ def register(app: dash.Dash, bench: Bench) -> None:
         State(f"{ID}-run", "value"),
     )
     def _show(_: int, shown: int | None, run: str | None) -> tuple[Any, ...]:
-        material = bench.material
-        if material.number == shown:
+        inspection = bench.inspection
+        if inspection.number == shown:
             raise dash.exceptions.PreventUpdate
-        reading = material.reading
+        reading = inspection.reading
         if reading is None:
-            return (True, None, _way(bench) if bench.loaded else None, None, None, [], None, material.number)
+            return (True, None, _way(bench) if bench.loaded else None, None, None, [], None, inspection.number)
         runs = [one.name for one in reading.runs]
-        others = [one for one in material.findings if not is_fault(one) and one.id not in _REPAIRS]
-        faulty = [one.where.run for one in material.findings if is_fault(one) and one.where.run in runs]
+        others = [one for one in inspection.findings if not is_fault(one) and one.id not in _REPAIRS]
+        faulty = [one.where.run for one in inspection.findings if is_fault(one) and one.where.run in runs]
         return (
             False,
             _faults(bench),
@@ -141,19 +141,19 @@ def register(app: dash.Dash, bench: Bench) -> None:
             parts.section("What else was found", parts.remarks(others)) if others else None,
             runs,
             run if run in runs else [*faulty, *runs][0],
-            material.number,
+            inspection.number,
         )
 
     @app.callback(Output(f"{ID}-courses", "children"), Input(f"{ID}-run", "value"), Input(f"{ID}-shown", "data"))
     def _draw(run: str | None, _: int | None) -> Any:
-        reading = bench.material.reading
+        reading = bench.inspection.reading
         if reading is None or run not in reading.recording.runs:
             return None
         file = next(one.file for one in reading.runs if one.name == run)
         lines = excerpt(file, reading.reading)
         first = [html.H3("The first lines of the file"), html.Pre(lines, tabIndex=0)] if lines else []
         faults: dict[str | None, list[tuple[float, float]]] = {}
-        for one in filter(is_fault, bench.material.findings):
+        for one in filter(is_fault, bench.inspection.findings):
             if one.where.run in (None, run):
                 ends = (one.where.from_s, one.where.to_s)
                 whole = (0.0 if ends[0] is None else ends[0], math.inf if ends[1] is None else ends[1])
@@ -167,8 +167,8 @@ def _register_files(app: dash.Dash, bench: Bench) -> None:
 
     @app.callback(Output(f"{ID}-files", "children"), Output(f"{ID}-list", "data"), Input(parts.REVISION, "data"))
     def _files(_: int) -> tuple[Any, Any]:
-        material = bench.material
-        problems = [material.problem, *(one.problem for one in bench.loaded)]
+        inspection = bench.inspection
+        problems = [inspection.problem, *(one.problem for one in bench.loaded)]
         below = [parts.problem(problem) for problem in problems if problem is not None]
         if bench.loaded:
             return below, _table_of_files(bench)
@@ -196,14 +196,15 @@ def _register_files(app: dash.Dash, bench: Bench) -> None:
 def _register_corrections(app: dash.Dash, bench: Bench) -> None:
     @app.callback(Input({"type": f"{ID}-repair", "finding": ALL, "of": ALL}, "n_clicks"), prevent_initial_call=True)
     def _repair(clicks: list[int | None]) -> None:
-        material = bench.material
+        inspection = bench.inspection
         asked = dash.ctx.triggered_id if any(clicks) else {}
         number = asked.get("finding")
         # what was clicked may be of a reading before
-        if material.reading is None or asked.get("of") != material.number or not isinstance(number, int):
+        if inspection.reading is None or asked.get("of") != inspection.number or not isinstance(number, int):
             return
-        chosen = material.findings[number : number + 1] if number >= 0 else tuple(filter(is_fault, material.findings))
-        machine = repaired(material.reading, *chosen)
+        found = inspection.findings
+        chosen = found[number : number + 1] if number >= 0 else tuple(filter(is_fault, found))
+        machine = repaired(inspection.reading, *chosen)
         if machine is not None:
             bench.correct(machine)
         parts.tell(bench)
@@ -215,7 +216,7 @@ def _register_corrections(app: dash.Dash, bench: Bench) -> None:
         prevent_initial_call=True,
     )
     def _correct(_: int, *columns: list[str | None]) -> Any:
-        reading = bench.material.reading
+        reading = bench.inspection.reading
         old = [] if reading is None else rows_of(reading)
         # the rows may be those of a reading before
         if reading is None or {len(column) for column in columns} != {len(old)}:
@@ -246,15 +247,15 @@ def _register_corrections(app: dash.Dash, bench: Bench) -> None:
 
 def _faults(bench: Bench) -> Component | None:
     """What is wrong with the data, and a button for each repair that is proposed, or was made."""
-    material = bench.material
-    reading = material.reading
-    positions = {id(one): k for k, one in enumerate(material.findings)}
-    shown = [one for one in material.findings if is_fault(one) or one.id in _REPAIRS]
+    inspection = bench.inspection
+    reading = inspection.reading
+    positions = {id(one): k for k, one in enumerate(inspection.findings)}
+    shown = [one for one in inspection.findings if is_fault(one) or one.id in _REPAIRS]
     if reading is None or not shown:
         return None
 
     def button(text: str, number: int) -> Component:
-        return html.Button(text, id={"type": f"{ID}-repair", "finding": number, "of": material.number})
+        return html.Button(text, id={"type": f"{ID}-repair", "finding": number, "of": inspection.number})
 
     def beside(finding: Finding) -> list[Any]:
         text = _repair_text(finding)
@@ -282,7 +283,7 @@ def _repair_text(finding: Finding) -> str:
 
 def _table_of_files(bench: Bench) -> dict[str, Any]:
     """What `recordings.js` draws."""
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     runs: dict[str, list[Any]] = {}
     for run in reading.runs if reading is not None else ():
         for file in (run.file, *(one.file for one in run.beside)):
@@ -296,7 +297,7 @@ def _table_of_files(bench: Bench) -> dict[str, Any]:
             facts = [sum(run.rows for run in own), duration(sum(run.duration_s for run in own))]
             facts += [duration(own[0].period_s), (own[0].start or "").replace("T", " ")]
         names = {run.name for run in own}
-        wrong = [finding for finding in bench.material.findings if is_fault(finding) and finding.where.run in names]
+        wrong = [finding for finding in bench.inspection.findings if is_fault(finding) and finding.where.run in names]
         state, look = is_read if one.is_used else "left out", "about"
         if wrong:
             state, look = f"{len(wrong)} fault{'s' * (len(wrong) != 1)}", "wrong"
@@ -310,7 +311,7 @@ def _table_of_files(bench: Bench) -> dict[str, Any]:
 
 def _way(bench: Bench) -> Component:
     """How the files were read, and a form to decide otherwise."""
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     told = reading.reading if reading is not None else {}
     signs = {",": "comma", ".": "point", ";": "semicolon", "\t": "tab", " ": "blank", "|": "bar"}
     time = told.get("time", {})

@@ -96,7 +96,7 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 
 
 def _command(bench: Bench, options: Options) -> tuple[str, ...] | None:
-    if bench.material.reading is None:
+    if bench.inspection.reading is None:
         return None
     return ("select", *bench.source_arguments(), *option_arguments(options), "--out", SELECTION)
 

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Variant
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
-from selector.diagnosis.shapes.residual import leftover
+from selector.diagnosis.shapes.residual import unexplained
 from selector.diagnosis.shapes.signals import rate
 from tests.diagnosis.effects.concealed_truths import TRUTHS, comparison_of, gauged_parts, structure, tanks
 
@@ -184,4 +184,4 @@ def test_offset_gain_and_delay_leave_nothing(clean_structure: Comparison) -> Non
     recorded = dict(clean_structure.recorded) | {"x1": 1.3 * late - 4.0}
     comparison = dataclasses.replace(clean_structure, recorded=recorded)
     # rounding of sums over 3000 rows
-    assert np.abs(leftover(comparison, "x1")).max() < 1e-8 * np.abs(simulated).max()
+    assert np.abs(unexplained(comparison, "x1")).max() < 1e-8 * np.abs(simulated).max()

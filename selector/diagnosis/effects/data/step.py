@@ -8,7 +8,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import Part, amount, fitted_runs, later_parts, step_unit, window
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
-from selector.diagnosis.shapes.residual import leftover
+from selector.diagnosis.shapes.residual import unexplained
 
 _BESIDE = 8  #: Samples on each side of a moment by whose means a jump is seen.
 _CLEAR = 6.0  #: Standard deviations of that difference from which the moment of a jump is read off.
@@ -27,7 +27,7 @@ def _seen(comparison: Comparison, response: str) -> Iterator[tuple[Part, float]]
 
     A jump at a moment between those that are tried leaves a spike as large as itself, if it is large.
     """
-    left = leftover(comparison, response)
+    left = unexplained(comparison, response)
     for run, rows in comparison.rows_of_runs():
         here = np.flatnonzero(np.isfinite(comparison.difference(response)[rows])) + rows.start
         if run not in fitted_runs(comparison) or len(here) < 4 * _BESIDE:

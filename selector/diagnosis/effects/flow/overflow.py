@@ -1,6 +1,6 @@
-"""`flow.overflow`: a store that spills at a level, and which stores in a row a simulated level looks like.
+"""`flow.overflow`: a tank that spills at a level, and which tanks in a row a simulated level looks like.
 
-Store j empties by c_j·h_j^p (p = ½: Torricelli's outflow), the first is filled by the recorded inflow. The
+Tank j empties by c_j·h_j^p (p = ½: Torricelli's outflow), the first is filled by the recorded inflow. The
 simulation has no noise, so the constants and the levels at the start are found by least squares on its course.
 """
 
@@ -22,11 +22,11 @@ _FITS, _WELL = 0.05, 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Stores:
-    """One or two stores whose last level is the simulated course."""
+class Tanks:
+    """One or two tanks whose last level is the simulated course."""
 
-    inflow: Vector  #: (n_rows,): What fills the first store, of size about 1
-    #: (6,): Of filling, leak, emptying of the first and of the last store, power of the outflow; how far the inflow
+    inflow: Vector  #: (n_rows,): What fills the first tank, of size about 1
+    #: (6,): Of filling, leak, emptying of the first and of the last tank, power of the outflow; how far the inflow
     #: runs along a line between samples (0: it is held, 1: it does)
     rates: Vector
     #: first and last: (n_runs,): Levels at the start of every run
@@ -35,14 +35,14 @@ class Stores:
     #: zero and size: Course = zero + size·level
     zero: float
     size: float
-    n: int  #: Number of stores
+    n: int  #: Number of tanks
 
     def levels(
         self, comparison: Comparison, first_brim: float = np.inf, last_brim: float = np.inf, caught: float = 0.0
     ) -> tuple[Vector, Vector]:
-        """Level of the first store [its own unit] and the course of the last, with brims in these units.
+        """Level of the first tank [its own unit] and the course of the last, with brims in these units.
 
-        `caught` is the share of what the first store spills that the second one gets.
+        `caught` is the share of what the first tank spills that the second one gets.
         """
         brim = (last_brim - self.zero) / self.size
         h, y = np.zeros(len(comparison.time_s)), np.zeros(len(comparison.time_s))
@@ -52,14 +52,14 @@ class Stores:
         return h, self.zero + self.size * y
 
 
-def stores_of(comparison: Comparison, simulated: Vector, inflow: Vector) -> Stores | None:
-    """One store, or else two, that fill with the inflow like the simulated course does; None if neither does."""
+def tanks_of(comparison: Comparison, simulated: Vector, inflow: Vector) -> Tanks | None:
+    """One tank, or else two, that fill with the inflow like the simulated course does; None if neither does."""
     scale = float(np.std(inflow))
     size = float(np.ptp(simulated))
     if scale <= 0.0 or size <= 0.0:
         return None
     u = inflow / max(float(np.abs(inflow).max()), 1e-300)
-    best: tuple[float, Stores] | None = None
+    best: tuple[float, Tanks] | None = None
     for n, fills, torricelli in ((1, 15.0, True), (2, 8.0, True), (2, 30.0, True), (2, 8.0, False), (2, 30.0, False)):
         if best is None or best[0] > _WELL * float(np.std(simulated)):
             found = _fitted(comparison, simulated, u, n, size, fills, torricelli=torricelli)
@@ -69,8 +69,8 @@ def stores_of(comparison: Comparison, simulated: Vector, inflow: Vector) -> Stor
 
 def _fitted(
     comparison: Comparison, simulated: Vector, u: Vector, n: int, size: float, fills: float, *, torricelli: bool
-) -> tuple[float, Stores]:
-    """Fitted from a filling time of `fills` time constants per longest run on; (root mean square left, stores).
+) -> tuple[float, Tanks]:
+    """Fitted from a filling time of `fills` time constants per longest run on; (root mean square left, tanks).
 
     With `torricelli` the outflow goes with the root of the level, and nothing leaks or is read off zero.
     """
@@ -84,10 +84,10 @@ def _fitted(
     free = np.ones(len(guess), dtype=bool)
     free[3:6] = not torricelli
 
-    def made(x: Vector) -> Stores:
+    def made(x: Vector) -> Tanks:
         rates = np.array([np.exp(x[0]), x[4] * np.exp(x[0]), np.exp(x[1]), np.exp(x[2]), x[3], x[6]])
         first, last = np.abs(x[7 : 7 + n_runs]), np.abs(x[7 + n_runs :])
-        return Stores(u, rates, first, last, float(x[5] * size), size, n)
+        return Tanks(u, rates, first, last, float(x[5] * size), size, n)
 
     def put(part: Vector) -> Vector:
         x = np.array(guess)
@@ -109,34 +109,34 @@ def _fitted(
     return float(np.sqrt(np.mean(found.fun**2))) * size, made(put(found.x))
 
 
-#: Of the first store [its unit], of the last [unit of the course]; share of the first spill that the last gets.
+#: Of the first tank [its unit], of the last [unit of the course]; share of the first spill that the last gets.
 Brims = tuple[float, float, float]
 
 
 def refitted(
-    comparison: Comparison, stores: Stores, recorded: Vector, brims: Brims | None
-) -> tuple[float, Stores, Brims | None]:
+    comparison: Comparison, tanks: Tanks, recorded: Vector, brims: Brims | None
+) -> tuple[float, Tanks, Brims | None]:
     """Filling, leak, emptying, zero and the brims, if there are some, fitted to a recorded course in the fitted rows.
 
     Levels at the start of the first runs are fitted too; of held-out runs they stay. Returns (root mean square left
-    [unit of the course], stores, brims).
+    [unit of the course], tanks, brims).
     """
     rows = np.isfinite(recorded) & ~comparison.held_out
     free = [k for k, (_, part) in enumerate(comparison.rows_of_runs()) if not comparison.held_out[part][0]]
     moving = [k for k in (0, 1) if brims is not None and np.isfinite(brims[k])]
-    whole, plain = stores.levels(comparison)
+    whole, plain = tanks.levels(comparison)
     sizes = (max(float(np.ptp(whole)), 1e-9), float(np.ptp(plain)))
 
-    def made(x: Vector) -> tuple[Stores, Brims | None]:
-        rates = stores.rates * np.exp(np.r_[x[0], x[0], x[1], x[2], 0.0, 0.0])
+    def made(x: Vector) -> tuple[Tanks, Brims | None]:
+        rates = tanks.rates * np.exp(np.r_[x[0], x[0], x[1], x[2], 0.0, 0.0])
         rates[1] += x[3] * rates[0]
-        first, last = np.array(stores.first), np.array(stores.last)
+        first, last = np.array(tanks.first), np.array(tanks.last)
         first[free] = np.abs(first[free] + x[5 : 5 + len(free)])
         last[free] = np.abs(last[free] + x[5 + len(free) : 5 + 2 * len(free)])
         other = np.setdiff1d(np.arange(len(first)), free)
-        first[other] *= float(np.sum(first[free]) / max(float(np.sum(stores.first[free])), 1e-12))
+        first[other] *= float(np.sum(first[free]) / max(float(np.sum(tanks.first[free])), 1e-12))
         last[other] = np.maximum(last[other] - x[4], 0.0)
-        anew = Stores(stores.inflow, rates, first, last, stores.zero + x[4] * stores.size, stores.size, stores.n)
+        anew = Tanks(tanks.inflow, rates, first, last, tanks.zero + x[4] * tanks.size, tanks.size, tanks.n)
         if brims is None:
             return anew, None
         levels = list(brims)
@@ -149,13 +149,13 @@ def refitted(
     def left(x: Vector) -> Vector:
         anew, levels = made(x)
         course = anew.levels(comparison, *levels)[1] if levels is not None else anew.levels(comparison)[1]
-        return np.asarray((course - recorded)[rows] / stores.size)
+        return np.asarray((course - recorded)[rows] / tanks.size)
 
     n = 5 + 2 * len(free) + len(moving) + (0 in moving)
     found = nonlinear_least_squares(
         left, np.zeros(n), bounds=(-np.full(n, 1.5), np.full(n, 1.5)), max_nfev=40, diff_step=np.full(n, 1e-4)
     )
-    return float(np.sqrt(np.mean(found.fun**2))) * stores.size, *made(found.x)
+    return float(np.sqrt(np.mean(found.fun**2))) * tanks.size, *made(found.x)
 
 
 @njit(cache=True, nogil=True)
@@ -185,10 +185,10 @@ _RISING = ((0.0, np.inf),)
 #: What spills is lost whole; half as much again where the brim lies between the levels that are tried.
 _WHOLE = ((0.0, 1.5),)
 _MOST = 30
-#: With brims the refitted stores have to err by less than this, over the error of those refitted without.
+#: With brims the refitted tanks have to err by less than this, over the error of those refitted without.
 _BETTER = 0.8
-_UPPER_SHARES = (0.6, 0.7, 0.8, 0.87, 0.94)  #: Quantiles of an upper store's level at which it may spill.
-_HIGH_SHARES = (0.975, 0.99, 0.997)  #: The same of a store that is known well enough for a spill that is seldom.
+_UPPER_SHARES = (0.6, 0.7, 0.8, 0.87, 0.94)  #: Quantiles of an upper tank's level at which it may spill.
+_HIGH_SHARES = (0.975, 0.99, 0.997)  #: The same of a tank that is known well enough for a spill that is seldom.
 _TUNED = 4.0  #: What a brim pays that was moved between the levels that are tried to where it explains most.
 
 
@@ -196,13 +196,13 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     simulated = comparison.simulated_course(response)
     ceilings = _ceilings(comparison, response, simulated)
     unit = comparison.channel(response).unit
-    # flows before voltages of pumps, then levels of other stores
+    # flows before voltages of pumps, then levels of other tanks
     names = comparison.with_role("flow") + comparison.with_role("voltage")
     names += comparison.with_role("displacement", "position", "size", "state")
     for name in [n for n in names if n != response and excited(course(comparison, n))][:3]:
-        stores = stores_of(comparison, simulated, course(comparison, name))
-        if stores is not None:
-            yield from _of_stores(comparison, response, stores, ceilings, name)
+        tanks = tanks_of(comparison, simulated, course(comparison, name))
+        if tanks is not None:
+            yield from _of_tanks(comparison, response, tanks, ceilings, name)
             return
     taus = time_constants(comparison, 12)
     taus = taus[taus <= 0.35 * comparison.longest_s][-6:]
@@ -219,19 +219,19 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         yield Variant(lost[:, None], names, shape, bounds=_FALLING, sources=_recorded(comparison, name))
 
 
-def _of_stores(
-    comparison: Comparison, response: str, stores: Stores, ceilings: list[float], inflow: str
+def _of_tanks(
+    comparison: Comparison, response: str, tanks: Tanks, ceilings: list[float], inflow: str
 ) -> Iterator[Variant]:
-    """The same stores with brims: on a grid, and where they explain most."""
+    """The same tanks with brims: on a grid, and where they explain most."""
     remainder, unit = Remainder(comparison, response), comparison.channel(response).unit
-    whole, plain = stores.levels(comparison)
+    whole, plain = tanks.levels(comparison)
     fitted = ~comparison.held_out
     shares = (*_UPPER_SHARES, *_HIGH_SHARES)
-    uppers = [np.inf, *np.quantile(whole[fitted], shares)] if stores.n == 2 else [np.inf]
+    uppers = [np.inf, *np.quantile(whole[fitted], shares)] if tanks.n == 2 else [np.inf]
     tried: list[tuple[float, Brims]] = []
 
     def lost(brims: Brims) -> Vector:
-        return stores.levels(comparison, *brims)[1] - plain
+        return tanks.levels(comparison, *brims)[1] - plain
 
     for upper in uppers:
         for lower in (*ceilings, np.inf):
@@ -251,9 +251,9 @@ def _of_stores(
             looked_at = 1.0 if brims in on_grid else _TUNED
             yield _with_brims(comparison, unit, column, brims, whole, inflow, looked_at)
     recorded = comparison.recorded[response]
-    without, _, _ = refitted(comparison, stores, recorded, None)
+    without, _, _ = refitted(comparison, tanks, recorded, None)
     for brims in best:
-        error, anew, moved = refitted(comparison, stores, recorded, brims)
+        error, anew, moved = refitted(comparison, tanks, recorded, brims)
         if moved is not None and error < _BETTER * without:
             whole, course_ = anew.levels(comparison)[0], anew.levels(comparison, *moved)[1]
             yield _with_brims(comparison, unit, course_ - plain, moved, whole, inflow, _TUNED)
@@ -324,7 +324,7 @@ def _ceilings(comparison: Comparison, response: str, simulated: Vector) -> list[
 
 
 def _uppers(comparison: Comparison, response: str, taus: Vector) -> Iterator[tuple[str, float, Vector]]:
-    """(channel, level, course) of what the response loses because a store above it spills.
+    """(channel, level, course) of what the response loses because a tank above it spills.
 
     The level above is recorded, simulated alone, or the inflow lagged; what is lost reaches the response late.
     """

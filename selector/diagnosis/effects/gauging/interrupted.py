@@ -7,7 +7,7 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.effects.gauging.lag import infeed
-from selector.diagnosis.shapes.residual import leftover
+from selector.diagnosis.shapes.residual import unexplained
 from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, course, excited, lagged, no_gauging, part_by_part
 from selector.diagnosis.shapes.spectral_lines import Line, course_of, lines, turns_of
 from selector.types import Vector
@@ -56,7 +56,7 @@ def _ripples(comparison: Comparison, response: str) -> Iterator[tuple[float, Vec
     """Lines at whole numbers of grooves per turn that stand in the reading."""
     if part_by_part(comparison, response) or comparison.period_s > SLOWEST_VIBRATION_S:
         return
-    left, even = leftover(comparison, response), np.ones(len(comparison.time_s))
+    left, even = unexplained(comparison, response), np.ones(len(comparison.time_s))
     for name in comparison.with_role("spindle_speed"):
         rpm = np.abs(course(comparison, name))
         if float(rpm.max(initial=0.0)) <= 0.0:
@@ -71,7 +71,7 @@ def _ripples(comparison: Comparison, response: str) -> Iterator[tuple[float, Vec
 
 def _envelopes(comparison: Comparison, response: str) -> Iterator[Vector]:
     """Running strength of what is quick in the reading, where it changes by more than noise does."""
-    left = leftover(comparison, response)
+    left = unexplained(comparison, response)
     for width_s in (20.0 * comparison.period_s, 100.0 * comparison.period_s):
         slow = lagged(comparison, left, width_s, settled=True)
         strength = np.sqrt(lagged(comparison, (left - slow) ** 2, width_s, settled=True))

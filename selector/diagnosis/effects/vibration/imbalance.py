@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, equally_likely, words_of
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
-from selector.diagnosis.shapes.residual import leftover
+from selector.diagnosis.shapes.residual import unexplained
 from selector.diagnosis.shapes.signals import course, no_vibration, swept_hz
 from selector.diagnosis.shapes.spectral_lines import (
     CHANCE,
@@ -38,7 +38,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if swept is not None:
         yield from _of_a_curve(comparison, response, swept)
         return
-    left = leftover(comparison, response)
+    left = unexplained(comparison, response)
     for name in speeds:
         turns = turns_of(comparison, np.abs(course(comparison, name)))
         yield from equally_likely(

@@ -8,7 +8,7 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.linear_response import resonances_of
-from selector.diagnosis.shapes.residual import leftover
+from selector.diagnosis.shapes.residual import unexplained
 from selector.diagnosis.shapes.signals import no_vibration, of_a_drive, swept_hz
 from selector.diagnosis.shapes.spectral_lines import course_of, fitted_parts, lines
 
@@ -29,7 +29,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     n_fitted = sum(part.start < part.stop for part in fitted_parts(comparison))
     own = resonances_of(comparison, response)
     octaves = np.log(max(0.5 / comparison.period_s / lowest, math.e))
-    for line in lines(comparison, leftover(comparison, response), time, even, lowest=lowest, chance=_CHANCE):
+    for line in lines(comparison, unexplained(comparison, response), time, even, lowest=lowest, chance=_CHANCE):
         # a frequency of many, as likely in one octave as in another
         looked = max(line.cycles * shortest * float(octaves), 1.0)
         shape = {"frequency_hz": Quantity(line.cycles, "Hz")}

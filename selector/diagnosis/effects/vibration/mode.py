@@ -18,7 +18,7 @@ from selector.diagnosis.effects.effect import (
     words_of,
 )
 from selector.diagnosis.shapes.linear_response import LinearResponse, inputs, resonances_of, resonator
-from selector.diagnosis.shapes.residual import least_squares, leftover
+from selector.diagnosis.shapes.residual import least_squares, unexplained
 from selector.diagnosis.shapes.signals import course, even_runs, no_vibration, of_a_drive, resonance, swept_hz
 from selector.diagnosis.shapes.spectral_lines import resonances
 from selector.types import Vector
@@ -41,7 +41,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if swept is not None:
         yield from _of_a_curve(comparison, response, swept)
         return
-    left = np.where(comparison.held_out, 0.0, leftover(comparison, response))
+    left = np.where(comparison.held_out, 0.0, unexplained(comparison, response))
     sources = {name: course(comparison, name) for name in inputs(comparison, response)[:_MOST_SOURCES]}
     simulated = comparison.simulated_course(response)
     if not sources:

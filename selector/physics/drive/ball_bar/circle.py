@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays, told_of
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, errors_name, keep_arrays
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.simulation import AxisRun, circle_step_s, simulate_axis
 from selector.physics.drive.trajectory import ParameterCourse, Reference
@@ -238,7 +238,7 @@ def ball_bar_run(
     for name, own in zip(names, seeds, strict=False):
         axis, reference, course = axes[name], references[name], varying.get(name)
         longest_s = step_s or circle_step_s(axis, period)
-        with told_of(f"axis {name}"):
+        with errors_name(f"axis {name}"):
             motion = simulate_axis(axis, reference, step_s=longest_s, course=course, seed=int(own))
         runs[name] = AxisRun(axis, reference, motion, course, longest_s, arc)
     angle, deviation = _bar(circle, geometry, [run.motion.table_m[inside] for run in runs.values()])

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from selector.errors import ModelFileError
-from selector.physics.checks import require_within, told_of
+from selector.physics.checks import errors_name, require_within
 from selector.physics.drive.ball_bar.circle import Circle, TableBall
 from selector.physics.drive.file.model_schema import (
     KINDS,
@@ -77,7 +77,7 @@ def file_reference(file: DriveFile, columns: Columns) -> Reference:
                 where="key run.period_s",
                 advice="make it larger, or the recording of the column shorter",
             )
-        with told_of(_place("motion", motion)):
+        with errors_name(_place("motion", motion)):
             found = recorded(time_s - time_s[0] if len(time_s) else time_s, position_m, file.run.period_s)
     else:
         found = planned_reference(file)
@@ -178,7 +178,7 @@ def _place(key: str, said: Column | ColumnMotion) -> str:
 def _column(columns: Columns, key: str, said: Column | ColumnMotion, most: float, unit: str) -> tuple[Vector, Vector]:
     """Times and values of a column of a recording beside the file, none beyond `most`."""
     time_s, values = columns[key]
-    with told_of(_place(key, said)):
+    with errors_name(_place(key, said)):
         require_within(values, time_s, most, unit)
     return time_s, values
 

@@ -114,7 +114,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         except InputError as refused:
             return (True, parts.problem(refused), *nothing)
         if view is None:
-            waits = "Adding up the samples …" if bench.material.reading else "Load recordings that can be read first."
+            waits = "Adding up the samples …" if bench.inspection.reading else "Load recordings that can be read first."
             return (True, waits, *nothing)
         now = _signature(bench, view)
         if now == shown:
@@ -220,7 +220,7 @@ def _told(bench: Bench, view: View) -> dict[str, Any]:
 
 
 def _view(bench: Bench) -> View | None:
-    found = bench.live.exploration(bench.material, bench.options)
+    found = bench.live.exploration(bench.inspection, bench.options)
     return None if found is None else bench.live.view(found, bench.options)
 
 
@@ -229,7 +229,7 @@ def _signature(bench: Bench, view: View) -> list[Any]:
     asked = bench.options
     places = [one.xyz_m for one in machine.sensors_of(bench)]
     return [
-        bench.material.number, asked.must, asked.never, dict(asked.cost), asked.max_sensors, asked.reference,
+        bench.inspection.number, asked.must, asked.never, dict(asked.cost), asked.max_sensors, asked.reference,
         asked.responses, asked.absolute_similarity, dict(asked.conditions), places,
         [hash(address) for address in machine.photos(bench).values()],
         view.level, view.fixed.sensors, view.response, view.target_um,

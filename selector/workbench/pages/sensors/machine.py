@@ -81,7 +81,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
 
 def sensors_of(bench: Bench) -> list[Channel]:
     """The thermometers that were read."""
-    reading = bench.material.reading
+    reading = bench.inspection.reading
     return [] if reading is None else [one for one in reading.recording.channels if one.role in SENSOR_ROLES]
 
 

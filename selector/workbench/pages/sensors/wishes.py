@@ -77,9 +77,9 @@ def register(app: dash.Dash, bench: Bench) -> parts.Form:
         State(f"{ID}-wished", "data"),
     )
     def _show(_: int, opened: int | None, shown: int | None) -> tuple[Any, int]:
-        if not opened or bench.material.number == shown:
+        if not opened or bench.inspection.number == shown:
             raise dash.exceptions.PreventUpdate
-        return _table(bench), bench.material.number
+        return _table(bench), bench.inspection.number
 
     return _rows(bench).register(app, bench)
 

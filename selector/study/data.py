@@ -19,7 +19,7 @@ _BESIDE = (FILES_SKIPPED,)
 
 
 @dataclass(frozen=True)
-class Material:
+class StudyData:
     """Recordings without their faults, what was found about them, where they come from, how they were read.
 
     `files` are path and SHA-256 of what was read; the machine file, which has none yet, is apart. `beside` is what was
@@ -36,8 +36,8 @@ class Material:
     lost: Recording | None = None  #: The source without the lost readings that were filled in; None: none were
 
 
-def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Overrides) -> Material:
-    """The material that files and folders hold; large Parquet files are read piece by piece.
+def study_data(runs: Sequence[Path], machine_file: Path | None, overrides: Overrides) -> StudyData:
+    """What files and folders hold; large Parquet files are read piece by piece.
 
     Raises InputError: a file cannot be read, or the machine file does not fit.
     """
@@ -45,7 +45,7 @@ def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Over
         return _streamed(runs, machine_file, overrides)
     reading = read(runs, machine=machine_file, overrides=overrides)
     recording, faults = usable(reading.recording, reading.origins)
-    return Material(
+    return StudyData(
         recording,
         without_folders((*reading.findings, *faults)),
         provenance_of(reading),
@@ -92,7 +92,7 @@ def provenance_of(reading: Reading) -> dict[str, Any]:
     }
 
 
-def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overrides) -> Material:
+def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overrides) -> StudyData:
     used = machine_file or recording_files(runs).machine
     named = None if machine_file is None else machine(machine_file)
     stream = stream_parquet(runs, named, overrides)
@@ -113,7 +113,7 @@ def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overri
             for run, entry in stream.provenance["runs"].items()
         },
     }
-    return Material(
+    return StudyData(
         StreamWithoutFaults(stream, faults),
         without_folders((*stream.findings, found, *faults)),
         provenance,
