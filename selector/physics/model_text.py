@@ -150,7 +150,13 @@ class ModelFamily(Generic[File]):
         named), a value of the wrong kind or outside its limits, or two places that contradict each other; the message
         names file and key.
         """
-        return self.with_files(self.parsed(self._text(Path(path)), where=str(path)), Path(path))
+        place, expected = Path(path), f"a {self.physics} model file (TOML text)"
+
+        def refused(found: str) -> ModelFileError:
+            advice = f"check the path; see {self.examples}"
+            return ModelFileError(found, expected=expected, where=str(place), advice=advice)
+
+        return self.with_files(self.parsed(text_of(place, LARGEST_FILE_BYTES, refused), where=str(path)), place)
 
     def parsed(self, text: str, *, where: str = "model file") -> File:
         """The model file with this content; `where` names it in messages. Errors as `read`."""
@@ -168,13 +174,6 @@ class ModelFamily(Generic[File]):
                 found = f"{_name_of(key)} = {found}"
             raise ModelFileError(found, expected=expected, where=f"{where}, key {key_text(key)}", advice=advice)
         return file
-
-    def _text(self, place: Path) -> str:
-        return text_of(place, LARGEST_FILE_BYTES, lambda found: self._no_model_file(found, str(place)))
-
-    def _no_model_file(self, found: str, where: str) -> ModelFileError:
-        expected, advice = f"a {self.physics} model file (TOML text)", f"check the path; see {self.examples}"
-        return ModelFileError(found, expected=expected, where=where, advice=advice)
 
     def _schema(self, values: Mapping[str, Any], where: str) -> type[File]:
         section = values.get("model")

@@ -42,12 +42,13 @@ def adaptation_account(
     """
     described, provenance = description or {}, provenance or {}
     verdict, sentences = _advice(found)
+    overall = [(name, *_cells(of.overall)) for name, of in found.responses.items()]
     return Account(
         title=": ".join(filter(None, ["Touch-offs", str(provenance.get("machine") or "")])),
         label=label_text("the recordings", "", provenance, described),
         verdict=verdict,
         sentences=sentences,
-        answer=_overall_table(found),
+        answer=table(["all runs", *_HEADINGS], overall, legend("adapted.errors")),
         sections=sections(
             warnings_section(found.findings),
             section("monday", "What to do", Items(_steps(found), are_steps=True), link="What to do"),
@@ -117,11 +118,6 @@ def _steps(found: Adaptation) -> tuple[str, ...]:
 
 
 _HEADINGS = [">with touch-offs", ">largest", ">model alone", ">before", ">touch-offs", ">in 90 % interval"]
-
-
-def _overall_table(found: Adaptation) -> Table:
-    rows = [(name, *_cells(of.overall)) for name, of in found.responses.items()]
-    return table(["all runs", *_HEADINGS], rows, legend("adapted.errors"))
 
 
 def _runs_table(found: Adaptation) -> Table:

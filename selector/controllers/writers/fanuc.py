@@ -332,6 +332,7 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
     begins_anew = [f"{kinds[item.reference]}_{k}" for k, item in enumerate(model.inputs, 1)]
     corrections = [program[f"correction_{k}"] for k in range(1, len(model.outputs) + 1)]
     _, open_limits = decided_limits(model)
+    units = {item.name: item.unit for item in model.inputs}
     return with_sheet(
         "fanuc",
         model,
@@ -346,9 +347,7 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
         first_kept=FIRST_KEPT,
         last_kept=names.last_kept,
         digits=SIGNIFICANT_DIGITS,
-        readings=", ".join(
-            f"#{number} = {plain(name)} [{_unit(model, name)}]" for name, number in names.readings.items()
-        ),
+        readings=", ".join(f"#{number} = {plain(name)} [{units[name]}]" for name, number in names.readings.items()),
         file=FILE,
         program=PROGRAM,
         status=STATUS,
@@ -388,10 +387,6 @@ def macro_variables(model: ModelFile) -> MacroVariables:
 def _guarded(model: ModelFile) -> Program:
     """The program of an axis that is always ready, on a control that is never told of a restart."""
     return guarded_program(macro_model(model)).with_flags({"is_ready": True, "is_restart": False})
-
-
-def _unit(model: ModelFile, name: str) -> str:
-    return next(item.unit for item in model.inputs if item.name == name)
 
 
 def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *, is_sign_verified: bool) -> str:

@@ -194,7 +194,7 @@ def _with_own(benches: Benches, named: Named, given: _Given) -> tuple[Benches, N
 
     Beside other effects that is where the simulation has too little of them: too much is what they had absorbed.
     """
-    for id_ in _own(benches):
+    for id_ in dict.fromkeys(id_ for bench in benches.values() for id_ in bench.own):
         freed = {name: bench.without_own(id_) for name, bench in benches.items()}
         if not named:
             # beside a parameter that is free to vary what resembles it may have gone unseen
@@ -215,10 +215,6 @@ def _with_own(benches: Benches, named: Named, given: _Given) -> tuple[Benches, N
         elif amount > 0.0:
             benches, named = freed, fewer
     return benches, named
-
-
-def _own(benches: Benches) -> list[str]:
-    return list(dict.fromkeys(id_ for bench in benches.values() for id_ in bench.own))
 
 
 def _last(bench: Bench, named: Sequence[int]) -> float:

@@ -19,15 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from selector.physics.thermal.modes.fit import (
-    USUAL_EXPONENT,
-    USUAL_FILM_EXPONENT,
-    Law,
-    ModeSpec,
-    columns,
-    expectations,
-    limits,
-)
+from selector.physics.thermal.modes.fit import USUAL_EXPONENT, Law, ModeSpec, columns, expectations, film_starts, limits
 from selector.physics.thermal.modes.thermal_test import ModeData
 from selector.recording import restarts
 from selector.types import Vector
@@ -207,11 +199,7 @@ def _climbed(best: DrivenFit, of_size: Callable[[int], DrivenFit], most: int) ->
 
 def _with_film(fit: DrivenFit, data: ModeData) -> DrivenFit:
     """The fit with a film that grows with the speed, from films that act on all modes alike or on every other."""
-    modes = fit.spec.n_modes
-    starts = [
-        np.r_[fit.theta, 0.7 * np.resize(signs, modes), np.zeros(modes - 1), USUAL_FILM_EXPONENT[0]]
-        for signs in ([1.0, 1.0], [1.0, -1.0])[: 2 if modes > 1 else 1]
-    ]
+    starts = film_starts(fit.theta, fit.spec.n_modes)
     spec = replace(fit.spec, film="growing")
     return min((fitted(spec, data, start, spreads=fit.spreads) for start in starts), key=lambda one: one.loss)
 

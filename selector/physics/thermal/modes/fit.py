@@ -359,20 +359,23 @@ def grown(fit: Fit | None, spec: ModeSpec, data: ModeData, weights: Vector) -> F
     return min((searched(spec, data, theta, weights) for theta in best), key=lambda one: one.cost)
 
 
+def film_starts(theta: Vector, modes: int) -> list[Vector]:
+    """Films beside these time constants and powers: one that acts on all modes alike, one on every other."""
+    return [
+        np.r_[theta, 0.7 * np.resize(signs, modes), np.zeros(modes - 1), USUAL_FILM_EXPONENT[0]]
+        for signs in ([1.0, 1.0], [1.0, -1.0])[: 2 if modes > 1 else 1]
+    ]
+
+
 def with_film(fit: Fit, data: ModeData, smaller: Fit | None = None) -> Fit:
     """The fit with a film that grows with the speed: from these modes, a film of one mode less, and an even spread."""
     spec = replace(fit.spec, film="growing")
     modes, powers = spec.n_modes, fit.theta[fit.spec.n_modes : fit.spec.n_modes + fit.spec.n_powers]
-    starts = []
-    for sign in (1.0, -1.0) if modes > 1 else (1.0,):
-        vector = 0.7 * np.resize([1.0, sign], modes)
-        log_tau = np.sort(fit.theta[:modes])
-        starts.append(np.r_[log_tau, powers, vector, np.zeros(modes - 1), USUAL_FILM_EXPONENT[0]])
+    starts = film_starts(np.r_[np.sort(fit.theta[:modes]), powers], modes)
     if smaller is not None:
         starts += _one_more(smaller, spec, data)
         spread = np.linspace(np.log(data.longest_s / 80.0), np.log(data.longest_s / 1.7), modes)
-        vector = 0.7 * np.resize([1.0, -1.0], modes)
-        starts.append(np.r_[spread, powers, vector, np.zeros(modes - 1), USUAL_FILM_EXPONENT[0]])
+        starts.append(film_starts(np.r_[spread, powers], modes)[-1])
     found = [searched(spec, data, theta, fit.weights, max_steps=25) for theta in starts]
     return min(found, key=lambda one: one.cost)
 

@@ -100,10 +100,7 @@ class ModalModel:
 
     def displacement_um(self, cyclogram: Cyclogram, time_s: Vector, start: Vector | None = None) -> Vector:
         """Displacements [µm], shape (n_times, n_responses), at times [s] of shape (n_times,); see `states_at`."""
-        return self._displacement(self.states_at(cyclogram, time_s, start))
-
-    def _displacement(self, states: Vector) -> Vector:
-        return np.asarray(np.einsum("nkj,jkr->nr", states, self.gains_um))
+        return np.asarray(np.einsum("nkj,jkr->nr", self.states_at(cyclogram, time_s, start), self.gains_um))
 
     def _losses(self, speed: Vector) -> Vector:
         """I + s(n)·M, shape (n_speeds, n_modes, n_modes)."""
