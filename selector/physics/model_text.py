@@ -168,7 +168,7 @@ class ModelFamily(Generic[File]):
         try:
             file = schema.model_validate(dict(values))
         except ValidationError as error:
-            raise self._invalid(error, schema, where) from None
+            raise invalid(error.errors(include_url=False), schema, where, self.page, self.kinds) from None
         for key, found, expected, advice in self.contradictions(file):
             if _VALUE.fullmatch(found):
                 found = f"{_name_of(key)} = {found}"
@@ -192,64 +192,72 @@ class ModelFamily(Generic[File]):
             advice=f"run such a model with `selector simulate {other.name}`" if other else example,
         )
 
-    def _invalid(self, error: ValidationError, schema: type[BaseModel], where: str) -> ModelFileError:
-        """The first thing that is wrong, in words, and where the others are; unknown keys before missing ones."""
-        problems: list[Any] = error.errors(include_url=False)
-        rank = {"extra_forbidden": 0, "missing": 2}
-        first, *others = sorted(problems, key=lambda one: rank.get(one["type"], 1))
-        key, held = _key_of(first), first["input"]
-        if first["type"] == "missing":
-            # keys that lack in one place are one mistake
-            alike = [one for one in others if one["type"] == "missing" and one["loc"][:-1] == first["loc"][:-1]]
-            return self._missing(schema, [first, *alike], [one for one in others if one not in alike], where)
-        kindless = first["type"] == NO_SUCH_KIND and isinstance(held, Mapping)
-        if kindless:
-            key, held = (*key, "kind"), held.get("kind")
-        place, more = f"{where}, key {key_text(key)}", _also(others)
-        if first["type"] == "extra_forbidden":
-            known = keys_at(schema, first["loc"][:-1])
-            near = _closest(str(key[-1]), known)
-            elsewhere = [name for name, other in self.kinds.items() if len(key) == 1 and key[0] in other.model_fields]
-            advice = (
-                f"this section belongs to models of kind {', '.join(elsewhere)}"
-                if elsewhere
-                else "correct the spelling"
-            )
-            return ModelFileError(
-                f"unknown key {shown(key[-1])}{more}",
-                expected=(f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(known),
-                where=place,
-                advice=f"{advice}, or remove it; {self.page} explains every key",
-            )
-        expected, advice = expected_text(first), f"correct this value; {self.page} explains it"
-        found = shown(held) if isinstance(held, Mapping) else f"{_name_of(key)} = {shown(held)}"
-        header = _header_at(schema, first["loc"], key)
-        if header and isinstance(held, Mapping | list) and header.startswith("[[") == isinstance(held, Mapping):
-            what = "one of them" if header.startswith("[[") else "it"
-            expected, advice = f"{header} before {what}", f"correct the brackets; {self.page} explains the section"
-        if kindless and held is None:
-            found, advice = "no 'kind'", f'add kind = "…"; {self.page} explains each'
-        return ModelFileError(f"{found}{more}", expected=expected, where=place, advice=advice)
 
-    def _missing(
-        self, schema: type[BaseModel], lacking: Sequence[Any], others: Sequence[Any], where: str
-    ) -> ModelFileError:
-        """Keys, or sections, that lack in one place."""
-        keys = [_key_of(one) for one in lacking]
-        headers = [_header_at(schema, one["loc"], key) for one, key in zip(lacking, keys, strict=True)]
-        found = [
-            header or (shown(key[-1]) if isinstance(key[-1], str) else "further value")
-            for key, header in zip(keys, headers, strict=True)
-        ]
-        one, sections = len(keys) == 1, all(headers)
-        it = "it" if one else "them"
-        place = keys[0] if one else keys[0][:-1]
-        return ModelFileError(
-            f"no {'section ' * sections}{', '.join(found)}{_also(others)}",
-            expected=f"this {'section' if sections else 'key'}" if one else "all of these",
-            where=f"{where}, key {key_text(place)}" if place else where,
-            advice=f"add {it}; {self.page} explains {it}",
+def invalid(
+    problems: Iterable[Any],
+    schema: type[BaseModel],
+    where: str,
+    page: str,
+    kinds: Mapping[str, type[BaseModel]] | None = None,
+) -> ModelFileError:
+    """What pydantic found, in words: the first thing that is wrong, and where the others are.
+
+    Unknown keys come before missing ones. `page` explains the keys; `kinds` are others to which a section may belong.
+    """
+    rank = {"extra_forbidden": 0, "missing": 2}
+    first, *others = sorted(problems, key=lambda one: rank.get(one["type"], 1))
+    key, held = _key_of(first), first["input"]
+    if first["type"] == "missing":
+        # keys that lack in one place are one mistake
+        alike = [one for one in others if one["type"] == "missing" and one["loc"][:-1] == first["loc"][:-1]]
+        return _missing(schema, [first, *alike], [one for one in others if one not in alike], where, page)
+    kindless = first["type"] == NO_SUCH_KIND and isinstance(held, Mapping)
+    if kindless:
+        key, held = (*key, "kind"), held.get("kind")
+    place, more = f"{where}, key {key_text(key)}", _also(others)
+    if first["type"] == "extra_forbidden":
+        known = _keys_at(schema, first["loc"][:-1])
+        near = _closest(str(key[-1]), known)
+        elsewhere = [name for name, other in (kinds or {}).items() if len(key) == 1 and key[0] in other.model_fields]
+        advice = (
+            f"this section belongs to models of kind {', '.join(elsewhere)}" if elsewhere else "correct the spelling"
         )
+        return ModelFileError(
+            f"unknown key {shown(key[-1])}{more}",
+            expected=(f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(known),
+            where=place,
+            advice=f"{advice}, or remove it; {page} explains every key",
+        )
+    expected, advice = expected_text(first), f"correct this value; {page} explains it"
+    found = shown(held) if isinstance(held, Mapping) else f"{_name_of(key)} = {shown(held)}"
+    header = _header_at(schema, first["loc"], key)
+    if header and isinstance(held, Mapping | list) and header.startswith("[[") == isinstance(held, Mapping):
+        what = "one of them" if header.startswith("[[") else "it"
+        expected, advice = f"{header} before {what}", f"correct the brackets; {page} explains the section"
+    if kindless and held is None:
+        found, advice = "no 'kind'", f'add kind = "…"; {page} explains each'
+    return ModelFileError(f"{found}{more}", expected=expected, where=place, advice=advice)
+
+
+def _missing(
+    schema: type[BaseModel], lacking: Sequence[Any], others: Sequence[Any], where: str, page: str
+) -> ModelFileError:
+    """Keys, or sections, that lack in one place."""
+    keys = [_key_of(one) for one in lacking]
+    headers = [_header_at(schema, one["loc"], key) for one, key in zip(lacking, keys, strict=True)]
+    found = [
+        header or (shown(key[-1]) if isinstance(key[-1], str) else "further value")
+        for key, header in zip(keys, headers, strict=True)
+    ]
+    one, sections = len(keys) == 1, all(headers)
+    it = "it" if one else "them"
+    place = keys[0] if one else keys[0][:-1]
+    return ModelFileError(
+        f"no {'section ' * sections}{', '.join(found)}{_also(others)}",
+        expected=f"this {'section' if sections else 'key'}" if one else "all of these",
+        where=f"{where}, key {key_text(place)}" if place else where,
+        advice=f"add {it}; {page} explains {it}",
+    )
 
 
 def sections_of_text(text: str, *, where: str) -> dict[str, Any]:
@@ -379,7 +387,7 @@ def _header_at(schema: type[BaseModel], path: Sequence[str | int], key: Key) -> 
     return ""
 
 
-def keys_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[str]:
+def _keys_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[str]:
     """Keys that the section at this path may have."""
     fields = (one for entry in _entries_at(schema, path) for one in entry.model_fields.items())
     return list(dict.fromkeys(field.alias or name for name, field in fields))

@@ -8,8 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from selector.atomic_file import write_whole
 from selector.errors import ModelFileError, StudyError
-from selector.physics.model_text import expected_text, key_text, keys_at, sections_of_text, shown
-from selector.readers.roles.names import one_of_words
+from selector.physics.model_text import invalid, sections_of_text, shown
 from selector.selection.options import MAX_ROUNDS
 from selector.text_file import text_of, toml_key, toml_value
 
@@ -240,7 +239,8 @@ def checked(kind: type[Checked], values: Mapping[str, Any], where: str, page: st
     try:
         return kind.model_validate(values)
     except ValidationError as error:
-        raise _invalid(error, kind, where, page) from None
+        refused = invalid(_problems(error), kind, where, page)
+        raise refused.at(refused.where, StudyError) from None
 
 
 def study_text(study: Study) -> str:
@@ -272,45 +272,17 @@ def _lines_of(key: tuple[str, ...], values: Mapping[str, Any]) -> Iterator[str]:
             yield from _lines_of(inner, value)
 
 
-def _invalid(error: ValidationError, kind: type[BaseModel], where: str, page: str) -> StudyError:
-    """The first thing that is wrong, unknown keys before others."""
-    problems: list[Any] = error.errors(include_url=False)
-    rank = {"extra_forbidden": 0, "missing": 2}
-    first, *others = sorted(problems, key=lambda one: rank.get(one["type"], 1))
-    key = _key_of(first["loc"])
-    elsewhere = list(dict.fromkeys(key_text(_key_of(one["loc"])) for one in others if _key_of(one["loc"]) != key))
-    more = f" (also wrong: {', '.join(elsewhere[:8])})" if elsewhere else ""
-    place = f"{where}, key {key_text(key)}"
-    if first["type"] == "extra_forbidden":
-        return StudyError(
-            f"unknown key {shown(key[-1])}{more}",
-            expected=one_of_words(str(key[-1]), keys_at(kind, key[:-1])),
-            where=place,
-            advice=f"correct the spelling, or remove it; {page} explains every key",
-        )
-    if first["type"] == "missing":
-        return StudyError(
-            f"no {shown(key[-1])}{more}", expected="this key", where=place, advice=f"add it; {page} explains every key"
-        )
-    return StudyError(
-        f"{key_text(key[-1:]) or key_text(key)} = {shown(first['input'])}{more}",
-        expected=_expected(key, first),
-        where=place,
-        advice=f"correct this value; {page} explains it",
-    )
-
-
-def _expected(key: tuple[str | int, ...], problem: Mapping[str, Any]) -> str:
-    if key[-1] == "lambda":
-        return _LEVEL
-    if problem["type"] == "string_pattern_mismatch":
-        return _FORMS[problem["ctx"]["pattern"]]
-    return expected_text(problem)
-
-
-def _key_of(location: tuple[str | int, ...]) -> tuple[str | int, ...]:
-    """The key of a problem: what follows ``lambda`` are the forms that were tried."""
-    parts = list(location)
-    if "lambda" in parts:
-        del parts[parts.index("lambda") + 1 :]
-    return tuple(part for part in parts if part != "[key]")
+def _problems(error: ValidationError) -> Iterator[dict[str, Any]]:
+    """What pydantic found, in the words of such a file; forms that were tried of one value are one problem."""
+    told: set[tuple[Any, ...]] = set()
+    for one in error.errors(include_url=False):
+        problem: dict[str, Any] = {**one}
+        place = problem["loc"]
+        pattern = problem.get("ctx", {}).get("pattern")
+        if "lambda" in place:
+            problem |= {"loc": place[: place.index("lambda") + 1], "type": "no_level", "msg": _LEVEL}
+        elif pattern in _FORMS:
+            problem |= {"type": "no_form", "msg": _FORMS[pattern]}
+        if problem["loc"] not in told:
+            told.add(problem["loc"])
+            yield problem
