@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import signal, stats
 
 from selector.diagnosis.answer import NamedEffect, NextRun
-from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.comparison import Comparison, read_only
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened, with_past
@@ -89,7 +89,8 @@ def _padded(comparison: Comparison, inputs: Mapping[str, Vector], n: int) -> Com
         comparison,
         runs=(*comparison.runs, NEW_RUN),
         starts=(*comparison.starts, comparison.starts[-1] + n),
-        time_s=np.r_[comparison.time_s, np.arange(n) * comparison.period_s],
+        # read-only as all times are: for others kernels would be compiled once more
+        time_s=read_only(np.r_[comparison.time_s, np.arange(n) * comparison.period_s]),
         recorded=longer(comparison.recorded),
         simulated=longer(comparison.simulated),
         held_out=np.r_[comparison.held_out, np.zeros(n, dtype=bool)],
