@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from selector.atomic_file import require_writable_folder
 from selector.cli.models import Model
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs
+from selector.cli.shared.files import require_folder
 from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson, Everything
@@ -97,13 +96,10 @@ def adapt(
             where="--since and --until", advice="leave the two options out, or use --every",
         )  # fmt: skip
     inputs = [model, *([] if asked.touch_offs is None else [asked.touch_offs]), *source.machine_files]
-    if out is not None:
-        require_writable_folder(out, "--out", ("adaptation.json", "model.json", "report.html"))
-        refuse_folder_of_inputs(out, [*inputs, *source.runs])
+    require_folder(out, [*inputs, *source.runs], ("adaptation.json", "model.json", "report.html"))
     read, _ = usable_model(model)
     reading = source.reading()
-    if out is not None:
-        refuse_folder_of_inputs(out, [file for file, _ in reading.files])
+    require_folder(out, [file for file, _ in reading.files])
     application, compared = applied(read, reading)
     recorded_s = {run: reading.recording.time_s(run) for run in compared.runs}
     touched = _touched(asked.touch_offs, recorded_s, read)

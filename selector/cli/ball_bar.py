@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs
+from selector.cli.shared.files import require_folder
 from selector.cli.shared.option_table import argument, option, unusable_option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
@@ -46,9 +45,7 @@ def ballbar(
     for name, asked_for, known in (("--lead", lead, leads), ("--reset-time", reset_time, resets)):
         if len(known) < len(asked_for or ()):
             raise unusable_option(f"{name} of an axis twice", "every axis once", "leave one of them out")
-    if out is not None:
-        require_writable_folder(out, "--out", ("ballbar.json", "report.html"))
-        refuse_folder_of_inputs(out, files)
+    require_folder(out, files, ("ballbar.json", "report.html"))
     asked = CircleOptions(
         None if radius is None else radius / 1e3, feed, None if names is None else (names[0], names[1])
     )

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from selector.atomic_file import begins_with, require_writable_folder
+from selector.atomic_file import begins_with
 from selector.cli.selecting import Responses
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs
+from selector.cli.shared.files import require_folder
 from selector.cli.shared.option_table import option
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
@@ -145,15 +145,13 @@ def predict(
             f"--mean-s {source.mean_s:g}", expected="samples as they were recorded", where="--mean-s",
             advice="leave it out: means are taken here anyway, over times that grow since the speed last changed",
         )  # fmt: skip
-    if out is not None:
-        require_writable_folder(out, "--out", ("prediction.json", "report.html"))
-        beside = [] if asked.readings is None else [asked.readings]
-        refuse_folder_of_inputs(out, [asked.cycle, *beside, *source.machine_files, *source.runs])
+    beside = [] if asked.readings is None else [asked.readings]
+    inputs = [asked.cycle, *beside, *source.machine_files, *source.runs]
+    require_folder(out, inputs, ("prediction.json", "report.html"))
     steps = read_cycle(asked.cycle)
     cyclogram, of_cycle = cyclogram_of_rows(steps.time_s, steps.speed_rpm, lengths_s)
     reading = source.reading()
-    if out is not None:
-        refuse_folder_of_inputs(out, [file for file, _ in reading.files])
+    require_folder(out, [file for file, _ in reading.files])
     channels, tolerances, day = reading.recording.channels, asked.tolerances_um(), None
     wanted = tuple(of_axis(name, channels) for name in asked.response or ())
     if isinstance(tolerances, dict):

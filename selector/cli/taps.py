@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs
+from selector.cli.shared.files import require_folder
 from selector.cli.shared.option_table import argument, option, unusable_option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
@@ -38,9 +37,7 @@ def taps(
     from selector.readers.uff_file import TapOptions, read_taps
     from selector.telling.simulated.taps import fit_head, tap_account
 
-    if out is not None:
-        require_writable_folder(out, "--out", ("taps.json", "report.html", "model.toml"))
-        refuse_folder_of_inputs(out, [model, *files])
+    require_folder(out, [model, *files], ("taps.json", "report.html", "model.toml"))
     if band is not None and not band[0] < band[1]:
         raise unusable_option(f"--band {band[0]:g} {band[1]:g}", "a lower and a higher frequency", "exchange them")
     if window is not None and not 1e-4 < window < 1e4:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from selector.atomic_file import folder_written_whole
+from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.errors import OptionError
 from selector.telling.account import Account
 
@@ -19,13 +19,16 @@ def write_answer(out: Path, texts: Mapping[str, str], account: Account, earlier:
     return [*texts, "report.html"]
 
 
-def refuse_folder_of_inputs(out: Path, inputs: Iterable[str | Path]) -> None:
+def require_folder(out: Path | None, inputs: Iterable[str | Path], results: Iterable[str] = ()) -> None:
     """What is written must replace no input, and must not be read as a run by the next command.
 
-    Raises OptionError: an input lies in the folder.
+    Raises OptionError: an input lies in the folder, or `results` cannot be written there. Nothing if none is given.
     """
     from selector.readers.roles.names import printable_name
 
+    if out is None:
+        return
+    require_writable_folder(out, "--out", results)
     for file in (Path(one) for one in inputs):
         held = file if file.is_dir() else file.absolute().parent
         if out.exists() and file.exists() and out.samefile(held):
