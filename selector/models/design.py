@@ -317,15 +317,15 @@ def start_reading(time_s: Array, samples: Array) -> tuple[float, float]:
     if len(found) == 0:
         return np.nan, np.nan
     if len(found) > 1 and np.diff(time).max() > NEIGHBOURS_S:
-        far = np.diff(time) > max(NEIGHBOURS_PERIODS * float(np.median(np.diff(time_s))), NEIGHBOURS_S)
+        far = np.diff(time) > max(NEIGHBOURS_PERIODS * _median(np.diff(time_s)), NEIGHBOURS_S)
         n = 1 + int(np.argmax(np.append(far, True)))
         found, time = found[:n], time[:n]
     if len(found) < 4:
         return float(found[0]), np.nan
     # second differences see the noise and not the warming
-    noise = float(np.median(np.abs(np.diff(found, 2)))) / (0.6745 * np.sqrt(6.0))
+    noise = _median(np.abs(np.diff(found, 2))) / (0.6745 * np.sqrt(6.0))
     noise = max(noise, _quantum(found) / np.sqrt(12.0))
-    if noise < 0.1 * float(np.median(np.abs(np.diff(found)))):
+    if noise < 0.1 * _median(np.abs(np.diff(found))):
         # a smooth curve, whose second differences are its bend and not noise
         return float(found[0]), noise
     fits, next_powers, gains = _start_fits(tuple((time - time[0]).tolist()))
@@ -403,9 +403,16 @@ def gauge_start(level: float, standard_error: float) -> float:
 
 
 def _quantum(found: Array) -> float:
-    steps = np.diff(values := np.unique(found))
-    steps = steps[steps > 1e-9 * max(1.0, float(np.abs(found).max()))]
-    return float(steps.min()) if len(steps) and len(values) <= len(found) // 2 else 0.0
+    ordered = np.sort(found)
+    steps = np.diff(ordered)
+    large = steps[steps > 1e-9 * max(1.0, abs(float(ordered[0])), abs(float(ordered[-1])))]
+    return float(large.min()) if len(large) and np.count_nonzero(steps) < len(found) // 2 else 0.0
+
+
+def _median(few: Array) -> float:
+    """Of a few numbers; `numpy.median` takes longer to look at what it was given than to find it."""
+    ordered = np.sort(few)
+    return 0.5 * float(ordered[(len(few) - 1) // 2] + ordered[len(few) // 2])
 
 
 Reference = Literal["rise", "absolute"]

@@ -25,7 +25,7 @@ from selector.quality.completeness import (
 from selector.quality.identity import duplicates, swapped
 from selector.quality.jumps import spikes, steps
 from selector.quality.leave_out import StreamWithoutFaults, stretches, without_faults
-from selector.quality.siblings import Relations, leaving_group, stuck_beside_siblings
+from selector.quality.siblings import leaving_group, relations_of, stuck_beside_siblings
 from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units
 from selector.recording import Recording
@@ -36,9 +36,8 @@ Check = Callable[[Survey], Iterator[Finding]]
 
 
 def _copies_and_swaps(survey: Survey) -> Iterator[Finding]:
-    relations = Relations(survey)
-    yield from duplicates(survey, relations)
-    yield from swapped(relations)
+    yield from duplicates(survey, relations_of(survey))
+    yield from swapped(relations_of(survey))
 
 
 _CHECKS: tuple[Check, ...] = (
@@ -52,11 +51,11 @@ _CHECKS: tuple[Check, ...] = (
     clock_jumps,
     few_values,
     frozen,
-    lambda survey: stuck_beside_siblings(survey, Relations(survey)),
+    lambda survey: stuck_beside_siblings(survey, relations_of(survey)),
     spikes,
     steps,
     _copies_and_swaps,
-    lambda survey: leaving_group(Relations(survey)),
+    lambda survey: leaving_group(relations_of(survey)),
     starts,
     late_gauges,
 )

@@ -49,8 +49,10 @@ def broken_sensors(survey: Survey) -> Iterator[Finding]:
     """Findings ``sensor-break``: codes in place of readings, and numbers that are not finite. O(samples)."""
     codes = {role: _codes_of(role) for role in _MEASURED}
     for run in survey.runs:
-        for column, channel in enumerate(survey.channels):
-            x = survey.values[run][column]
+        # codes and wild numbers lie there only, whatever the role
+        lowest, highest = (ends.reduce(survey.values[run], axis=1) for ends in (np.fmin, np.fmax))
+        for column in np.flatnonzero((lowest <= 0.0) | (highest >= 85.0)).tolist():
+            channel, x = survey.channels[column], survey.values[run][column]
             wild = np.isinf(x) | (np.abs(x) >= IMPLAUSIBLE)
             broken = wild
             series = survey.series(run, column)
@@ -227,6 +229,21 @@ def still_stretches(x: Floats, quantum: float) -> Still:
     return Still(first, last, x[first])
 
 
+def longest_still(survey: Survey, run: str, columns: list[int], quanta: list[float]) -> NDArray[np.intp]:
+    """Samples in the longest of the `still_stretches` of some channels in a run, shape (n_columns,); O(n)."""
+    longest, place = np.zeros(len(columns), dtype=np.intp), {column: k for k, column in enumerate(columns)}
+    for alike, x in survey.together(run, columns):
+        if x.shape[1]:
+            at = [place[column] for column in alike]
+            tolerance = 1e-9 * np.maximum(np.abs(x).max(axis=1), np.array(quanta)[at])
+            is_edge = np.ones((len(x), x.shape[1] + 1), dtype=np.bool_)
+            is_edge[:, 1:-1] = np.abs(np.diff(x, axis=1)) > tolerance[:, None]
+            series, edges = np.nonzero(is_edge)
+            # from the end of one series to the start of the next the distance is negative
+            longest[at] = np.maximum.reduceat(np.diff(edges), np.searchsorted(series, np.arange(len(x))))
+    return longest
+
+
 def frozen(survey: Survey) -> Iterator[Finding]:
     """Findings ``stuck`` and ``saturated`` of channels whose noise alone makes equal samples impossible; O(samples).
 
@@ -235,29 +252,35 @@ def frozen(survey: Survey) -> Iterator[Finding]:
     share of the noise that fits into one step of the resolution, or how often neighbours are equal elsewhere. Channels
     with a coarser resolution stand still lawfully; see `siblings.stuck_beside_siblings`.
     """
-    for column in survey.columns(*MEASURED_ROLES):
-        scales = [scale for scale in (survey.scale(run, column) for run in survey.runs) if scale.count]
-        if not scales or max(scale.distinct for scale in scales) < 2:
+    columns = survey.columns(*MEASURED_ROLES)
+    quanta = {run: [survey.quantum(column, run) for column in columns] for run in survey.runs}
+    longest = {run: longest_still(survey, run, columns, quanta[run]) for run in survey.runs}
+    for k, column in enumerate(columns):
+        scales = {run: scale for run in survey.runs if (scale := survey.scale(run, column)).count}
+        if not scales or max(scale.distinct for scale in scales.values()) < 2:
             continue
-        extremes = (min(scale.low for scale in scales), max(scale.high for scale in scales))
-        stills = {}
-        for run in survey.runs:
-            x = survey.series(run, column).x
-            if x.size >= _LEAST:
-                stills[run] = still_stretches(x, survey.quantum(column, run))
+        extremes = (min(scale.low for scale in scales.values()), max(scale.high for scale in scales.values()))
+        long = {
+            run: still_stretches(survey.series(run, column).x, quanta[run][k])
+            for run in scales
+            if longest[run][k] >= _LEAST
+        }
         # where two or more long stretches rest
-        values = [still.value[still.length >= _LEAST] for still in stills.values()]
+        values = [still.value[still.length >= _LEAST] for still in long.values()]
         rails = [end for end in extremes if sum(int(np.sum(value == end)) for value in values) >= 2]
         # long stretches at the very ends of the channel's range may be a rail: left aside in every run
-        clear = {
+        clear = {run: scale.block_noise for run, scale in scales.items() if scale.count >= _LEAST} | {
             run: _noise_beside(survey, run, column, still, (still.length >= _LEAST) & np.isin(still.value, extremes))
-            for run, still in stills.items()
+            for run, still in long.items()
         }
-        noises = np.concatenate([np.empty(0), *clear.values()])
-        of_run = np.repeat(np.arange(len(clear)), [noise.size for noise in clear.values()])
-        for k, (run, still) in enumerate(stills.items()):
-            if int(still.length.max()) >= 4:
-                yield from _frozen_in(survey, run, column, still, noises[of_run != k], extremes, rails)
+        every = np.sort(np.concatenate([np.empty(0), *clear.values()]))
+        usual = float(np.quantile(every, 0.2)) if every.size >= 4 else None
+        for run, noise in clear.items() if every.size else ():
+            # what else is left aside in a run lifts the lower fifth of the rest by so many ranks at most
+            highest = every[min(every.size // 5 + 1 + noise.size, every.size - 1)]
+            if longest[run][k] >= 4 and highest >= _ABOVE_ROUNDING * quanta[run][k]:
+                still = long.get(run) or still_stretches(survey.series(run, column).x, quanta[run][k])
+                yield from _frozen_in(survey, run, column, still, clear, usual, extremes, rails)
 
 
 def _frozen_in(
@@ -265,15 +288,18 @@ def _frozen_in(
     run: str,
     column: int,
     still: Still,
-    elsewhere_noise: Floats,
+    clear: dict[str, Floats],
+    usual: float | None,
     extremes: tuple[float, float],
     rails: list[float],
 ) -> Iterator[Finding]:
     series, quantum = survey.series(run, column), survey.quantum(column, run)
-    length = still.length
+    length, noise = still.length, usual
     aside = (length >= max(_LEAST, int(length.max()) // 4)) | ((length >= _LEAST) & np.isin(still.value, extremes))
-    every = np.concatenate([elsewhere_noise, _noise_beside(survey, run, column, still, aside)])
-    noise = float(np.quantile(every, 0.2)) if every.size >= 4 else None
+    own = _noise_beside(survey, run, column, still, aside)
+    if own.size < clear[run].size:
+        every = np.concatenate([own, *(elsewhere for other, elsewhere in clear.items() if other != run)])
+        noise = float(np.quantile(every, 0.2)) if every.size >= 4 else None
     if noise is None or noise < _ABOVE_ROUNDING * quantum or noise == 0.0:
         return
     pure = np.sqrt(noise**2 - quantum**2 / 12.0)

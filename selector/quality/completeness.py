@@ -17,6 +17,7 @@ from selector.quality.survey import (
     Survey,
     difference,
     duration,
+    medians_of_others,
     moment,
     present_median,
     reading,
@@ -70,11 +71,11 @@ def few_values(survey: Survey) -> Iterator[Finding]:
             continue
         if channel.role not in MEASURED_ROLES or sum(scale.count for scale in scales) < _SHORT:
             continue
-        values = np.unique(np.concatenate([_values(survey, run, column) for run in survey.runs]))
         step = survey.quantum(column)
         coarse = step >= _COARSE[channel.unit]
         if max(scale.distinct for scale in scales) > _FEW_LEVELS and not (coarse and (high - low) < 12 * step):
             continue
+        values = np.unique(np.concatenate([_values(survey, run, column) for run in survey.runs]))
         if values.size > _FEW_LEVELS and not coarse:
             continue
         told = f"{channel.name} takes {values.size} different values only, {difference(step, channel)} apart, over a "
@@ -93,18 +94,18 @@ def starts(survey: Survey) -> Iterator[Finding]:
     ambient = survey.columns("ambient")
     temperatures, displacements = survey.columns("temperature"), survey.columns("displacement")
     level = np.array([[_start(survey, run, c) for c in range(len(survey.channels))] for run in survey.runs])
-    room = np.array([[present_median(of_run[ambient, k]) for k in (0, 1)] for of_run in level])
+    # NaN without the room's temperature: a warm day looks like a warm machine
+    level[:, temperatures] -= np.array([[present_median(one) for one in of[ambient].T] for of in level])[:, None]
+    off = level - np.apply_along_axis(medians_of_others, 0, level)
+    # a quick machine has left its start after five samples, and a first sample may be a spike
+    off = np.where(np.abs(off[:, :, 1]) < np.abs(off[:, :, 0]), off[:, :, 1], off[:, :, 0])
     for r, run in enumerate(survey.runs):
-        warm: dict[str, float] = {}
-        for columns, limit, thermal in ((temperatures, _WARM_K, True), (displacements, _WARM_UM, False)):
-            for c in columns:
-                # NaN without the room's temperature: a warm day looks like a warm machine
-                above = level[:, c] - (room if thermal else 0.0)
-                others = np.delete(above, r, axis=0)
-                # a quick machine has left its start after five samples, and a first sample may be a spike
-                off = min((above[r, k] - present_median(others[:, k]) for k in (0, 1)), key=abs)
-                if np.isfinite(off) and abs(off) > limit:
-                    warm[survey.channels[c].name] = float(off)
+        warm = {
+            survey.channels[c].name: float(off[r, c])
+            for columns, limit in ((temperatures, _WARM_K), (displacements, _WARM_UM))
+            for c in columns
+            if abs(off[r, c]) > limit
+        }
         if not warm:
             continue
         worst = max(warm, key=lambda name: abs(warm[name]))
@@ -176,14 +177,13 @@ def gaps(survey: Survey) -> Iterator[Finding]:
     for run in survey.runs:
         time = survey.time[run]
         yield from _gaps_of(time, run)
-        for column, channel in enumerate(survey.channels):
+        for column in sorted({*range(len(survey.channels))} - survey.whole(run)):
             series = survey.series(run, column)
-            missing = time.size - series.rows.size
-            if missing == 0 or series.rows.size == 0:
+            if series.rows.size == 0:
                 continue
             if series.time_s.size > 3 and np.median(np.diff(series.rows)) >= 2:
                 continue  # a slower channel between rows of a faster one: no sample of it is missing
-            yield from _missing_of(survey, series, missing, channel.name)
+            yield from _missing_of(survey, series, time.size - series.rows.size, series.channel.name)
 
 
 def clock_jumps(survey: Survey) -> Iterator[Finding]:

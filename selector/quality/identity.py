@@ -145,12 +145,7 @@ def swapped(relations: Relations) -> Iterator[Finding]:
         training = [o for o in range(count) if o != r]
         here = [i for i, beside in enumerate(siblings) if beside and relations.present[i, r]]
         here = [i for i in here if relations.present[i].sum() > 1]
-        suspects = [
-            i
-            for i in here
-            if _mismatch(relations, siblings[i], relations.weights_without(i, siblings[i], [r]), r, i)
-            > _least(relations, i)
-        ]
+        suspects = [i for i in here if relations.off_by_others(i)[0][r] > _least(relations, i)]
         laws, pairs = _Laws(relations, r, training), []
         for i, j in _candidates(laws, here, suspects):
             proofs = _exchange(laws, i, j)
@@ -283,7 +278,7 @@ def _differing(survey: Survey, relations: Relations) -> Floats:
         spread = np.maximum(size / np.sqrt(values.shape[1]), 1e-300)
         quantum = np.array([survey.scale(run, column).quantum for column in relations.columns])
         rounding = np.maximum.outer(quantum / spread, quantum / spread)
-        ends = np.where(is_whole, np.abs(np.nan_to_num(values)).max(axis=1) / spread, 0.0)
+        ends = np.where(is_whole, np.maximum(-values.min(axis=1), values.max(axis=1)) / spread, 0.0)
         left = 0.51 * rounding + 1e-9 * np.maximum.outer(ends, ends)
         differs[differs > left**2 + _ROUND_OFF] = np.inf
         differs[~np.logical_and.outer(is_whole, is_whole)] = 0.0

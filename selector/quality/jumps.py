@@ -187,6 +187,9 @@ _REACH = 12  #: Samples on each side from which the levels beside a jump are tak
 _MOST = 400  #: Jumps looked at per channel and run; a channel with more is not a measurement with jumps in it.
 #: Share of a jump that other differences nearby may reach; a lag of one sampling period leaves 0.37 for the next.
 _REST = 0.35
+_NOISY_REST = 0.6  #: The same where the noise is as large.
+_LIKE_STEP = 0.35  #: By this share of it the jump between the levels may differ from the one between two samples.
+_LEVEL_BESIDE = _NOISY_REST * (1.0 + _LIKE_STEP)  #: So that no other difference nearby reaches this share of that one.
 
 
 @dataclass(frozen=True)
@@ -203,21 +206,51 @@ class Jump:
     bends: bool
 
 
-def sharp_differences(series: Series, survey: Survey) -> Ints:
-    """Positions i where x[i+1] - x[i] stands out from the noise around it, the largest if there are many; O(n)."""
-    x = series.x
-    scale = survey.scale(series.run, series.column)
-    if x.size < 6:
-        return np.empty(0, dtype=np.intp)
-    differences = np.abs(np.diff(x))
-    least = max(_SMALLEST[series.channel.unit], _STEPS * scale.quantum)
-    # the noise of each block or of its neighbours, whichever is largest: noise may change with the speed
-    local = _local_noise(scale.block_noise, differences.size)
-    limit = np.maximum(_SHARP * np.sqrt(2.0) * np.maximum(local, 0.3 * scale.quantum), least)
-    sharp = np.flatnonzero(differences > limit)
-    if sharp.size > _MOST:
-        sharp = np.sort(sharp[np.argpartition(-differences[sharp], _MOST)[:_MOST]])
-    return sharp
+def sharp_differences(survey: Survey, run: str, columns: list[int]) -> dict[int, Ints]:
+    """Positions i where x[i+1] - x[i] of a channel stands out from the noise around it, the largest if there are many.
+
+    Only of channels that have such differences; O(n).
+    """
+    found: dict[int, Ints] = {}
+    for alike, x in survey.together(run, columns):
+        if x.shape[1] < 6:
+            continue
+        scales = [survey.scale(run, column) for column in alike]
+        differences = np.abs(np.diff(x, axis=1))
+        quantum = np.array([[scale.quantum] for scale in scales])
+        least = np.maximum([[_SMALLEST[survey.channels[column].unit]] for column in alike], _STEPS * quantum)
+        # the noise of each block or of its neighbours, whichever is largest: noise may change with the speed
+        blocks = np.array([scale.block_noise for scale in scales])
+        padded = np.concatenate([blocks[:, :1], blocks, blocks[:, -1:]], axis=1)
+        local = np.maximum(np.maximum(padded[:, :-2], padded[:, 1:-1]), padded[:, 2:])
+        limit = np.maximum(_SHARP * np.sqrt(2.0) * np.maximum(local, 0.3 * quantum), least)
+        block = np.minimum(
+            np.arange(differences.shape[1]) // (differences.shape[1] // blocks.shape[1]), limit.shape[1] - 1
+        )
+        is_sharp = differences > limit[:, block]
+        for k in np.flatnonzero(is_sharp.any(axis=1)).tolist():
+            sharp = np.flatnonzero(is_sharp[k])
+            if sharp.size > _MOST:
+                sharp = np.sort(sharp[np.argpartition(-differences[k, sharp], _MOST)[:_MOST]])
+            found[alike[k]] = sharp
+    return found
+
+
+_Jumpy = list[tuple[Series, Ints, list["Jump"]]]
+
+
+def _jumping(survey: Survey) -> dict[int, _Jumpy]:
+    """The measured channels that have `sharp_differences`: run by run these, and what shifts of level they are."""
+    if "jumping" not in survey.kept:
+        columns = survey.columns(*MEASURED_ROLES)
+        found: dict[int, _Jumpy] = {column: [] for column in columns}
+        for run in survey.runs:
+            for column, sharp in sharp_differences(survey, run, columns).items():
+                series = survey.series(run, column)
+                found[column].append((series, sharp, _level_shifts(series, sharp, survey.scale(run, column).noise)))
+        survey.kept["jumping"] = {column: series_at for column, series_at in found.items() if series_at}
+    kept: dict[int, _Jumpy] = survey.kept["jumping"]
+    return kept
 
 
 def spikes(survey: Survey) -> Iterator[Finding]:
@@ -227,15 +260,13 @@ def spikes(survey: Survey) -> Iterator[Finding]:
     interference), and what is no higher than steps of the same channel: a thin sensor. Of several samples that last
     longer than half a minute a short process may be the cause: a warning, and nothing is left out.
     """
-    for column in survey.columns(*MEASURED_ROLES):
+    for column, series_at in _jumping(survey).items():
         found: list[tuple[Series, int, int, float]] = []
         shifts: list[float] = []
-        for run in survey.runs:
-            series, scale = survey.series(run, column), survey.scale(run, column)
-            widest = 5.0 * float(scale.block_noise.max()) if scale.block_noise.size else 0.0
-            sharp = sharp_differences(series, survey)
+        for series, sharp, jumps in series_at:
+            run, widest = series.run, 5.0 * float(survey.scale(series.run, column).block_noise.max())
             found += [(series, *spike) for spike in _spike_samples(series, sharp, widest)]
-            for jump in _level_shifts(series, sharp, scale.noise):
+            for jump in jumps:
                 # a gauge jumps with the speed and may be disturbed as well
                 moment_s = (float(series.time_s[jump.at]), jump.time_s)
                 gauge = series.channel.role == "displacement"
@@ -275,14 +306,12 @@ def steps(survey: Survey) -> Iterator[Finding]:
     once, or when it is a displacement and no spindle speed is recorded: then it is a warning, and nothing is left out.
     """
     speed_known = bool(survey.columns("spindle_speed"))
-    for column in survey.columns(*MEASURED_ROLES):
+    for column, series_at in _jumping(survey).items():
         found: list[tuple[Series, Jump, str, str]] = []
-        for run in survey.runs:
-            series = survey.series(run, column)
-            sharp = sharp_differences(series, survey)
-            for jump in _level_shifts(series, sharp, survey.scale(run, column).noise):
+        for series, _, shifts in series_at:
+            for jump in shifts:
                 moment_s = (float(series.time_s[jump.at]), jump.time_s)
-                command = commanded(survey, column, run, moment_s, jump.height)
+                command = commanded(survey, column, series.run, moment_s, jump.height)
                 found.append((series, jump, command, command or _company(survey, series, jump, moment_s)))
         role = survey.channels[column].role
         # a displacement may jump with every change of speed and slip once; a thin sensor jumps by its nature
@@ -381,6 +410,8 @@ def _spike_samples(series: Series, candidates: Ints, widest: float) -> list[tupl
             if not np.all(off * np.sign(jump) > 0.5 * abs(jump)):
                 break
             height = float(off[np.argmax(np.abs(off))])
+            if abs(x[last + 1] - level) >= _REST * abs(height):
+                continue
             # a spike may sit on a slope
             slope = float(max(np.abs(np.diff(before)).max(), np.abs(np.diff(after)).max(initial=0.0)))
             drop = (last + 2 - i) * 2.0 * slope if slope < 0.1 * abs(height) else 0.0
@@ -399,11 +430,15 @@ def _spike_samples(series: Series, candidates: Ints, widest: float) -> list[tupl
 
 def _level_shifts(series: Series, candidates: Ints, noise: float) -> list[Jump]:
     x, time, found = series.x, series.time_s, []
-    period = float(np.median(np.diff(time))) if len(candidates) else 0.0
+    period = float(np.median(np.diff(time)))
     for i in candidates:
         left = slice(max(0, i + 1 - _REACH), i + 1)
         right = slice(i + 1, min(x.size, i + 1 + _REACH))
         if left.stop - left.start < 5 or right.stop - right.start < 5:
+            continue
+        around = np.abs(np.diff(x[left.start : right.stop]))
+        around[i - left.start] = 0.0
+        if around.max() >= _LEVEL_BESIDE * abs(x[i + 1] - x[i]):
             continue
         if time[i + 1] - time[i] > 3.5 * period:
             continue  # behind a gap a level may be another one
@@ -419,13 +454,11 @@ def _level_shifts(series: Series, candidates: Ints, noise: float) -> list[Jump]:
             settled = float(np.median(x[i + 4 : i + 8]) - slope_before * (np.median(time[i + 4 : i + 8]) - time[i + 1]))
             late = (settled - float(x[i + 1])) * np.sign(height)
             bends |= bool(late > max(0.12 * abs(height), 3.5 * noise))
-        around = np.abs(np.diff(x[left.start : right.stop]))
-        around[i - left.start] = 0.0
         smallest = _SMALLEST[series.channel.unit]
         if (
             abs(height) > max(_CLEAR * error, smallest)
-            and abs(height / float(x[i + 1] - x[i]) - 1.0) < 0.35
-            and float(around.max()) < max(_REST * abs(height), min(6.5 * noise, 0.6 * abs(height)))
+            and abs(height / float(x[i + 1] - x[i]) - 1.0) < _LIKE_STEP
+            and float(around.max()) < max(_REST * abs(height), min(6.5 * noise, _NOISY_REST * abs(height)))
         ):
             found.append(Jump(int(i), height, float(time[i + 1]), error, bool(bends)))
     return found
@@ -441,12 +474,3 @@ def line_at(time: Floats, x: Floats, at: float) -> tuple[float, float, float]:
     sigma = float(np.sqrt(rest @ rest / max(x.size - 2, 1)))
     error = sigma * float(np.sqrt(1.0 / x.size + (at - centre) ** 2 / spread))
     return float(x.mean()) + slope * (at - centre), error, slope
-
-
-def _local_noise(blocks: Floats, size: int) -> Floats:
-    if blocks.size == 0:
-        return np.zeros(size)
-    padded = np.r_[blocks[:1], blocks, blocks[-1:]]
-    widest = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
-    width = size // blocks.size
-    return np.repeat(widest, np.r_[np.full(blocks.size - 1, width), size - width * (blocks.size - 1)].astype(np.intp))

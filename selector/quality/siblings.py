@@ -11,9 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
-from selector.quality.broken_sensors import still_stretches
+from selector.quality.broken_sensors import longest_still, still_stretches
 from selector.quality.finding_table import FINDINGS
-from selector.quality.survey import Floats, Survey, difference, duration, moment, present_median, reading, stretch
+from selector.quality.survey import (
+    Floats,
+    Scale,
+    Survey,
+    difference,
+    duration,
+    moment,
+    present_median,
+    reading,
+    stretch,
+)
 
 _BLOCKS = 240
 _PRESENT = 0.9  #: A channel takes part in a run when so many of its blocks hold a sample; the rest is interpolated.
@@ -41,6 +51,7 @@ class Relations:
         self._movement = [np.nan_to_num(means) for means, _ in self._blocks]
         self._sums: dict[bytes, tuple[Floats, int, NDArray[np.bool_]]] = {}
         self._chosen: dict[tuple[int, frozenset[int]], list[int]] = {}
+        self._off: dict[int, tuple[Floats, Floats]] = {}
 
     def movement(self, r: int) -> Floats:
         """Block means of a run, centred, shape (n_channels, n_blocks); 0 where a channel is absent."""
@@ -118,6 +129,29 @@ class Relations:
         count -= int(self._counts[np.asarray(apart, dtype=np.intp)].sum())
         return _solved(inner, ridge, last, list(range(last)), count)
 
+    def off_by_others(self, i: int) -> tuple[Floats, Floats]:
+        """How far a channel is off its siblings in each run, by the relation of all the other runs; NaN where absent.
+
+        The standard deviation, and the size of the `departure` [unit]; (n_runs,) each. Many runs go together.
+        """
+        if i not in self._off:
+            found = np.full((2, len(self.runs)), np.nan)
+            siblings, last = self.siblings(i), len(self.siblings(i))
+            gram, count, _ = self._sum_with(i)
+            part, ridge = np.array([*siblings, i]), np.diag(self._ridge[siblings])
+            for length in np.unique(self._counts[self.present[i]]):
+                runs = np.flatnonzero(self.present[i] & (self._counts == length))
+                inner = gram[np.ix_(part, part)] - self._grams[np.ix_(runs, part, part)]
+                system = inner[:, :last, :last] + ridge * max(count - length, 1)
+                weights = np.linalg.solve(system, inner[:, :last, last:])
+                course = np.array([self.movement(r)[part] for r in runs.tolist()])
+                off = course[:, last] - (weights.transpose(0, 2, 1) @ course[:, :last])[:, 0]
+                found[0, runs] = off.std(axis=1)
+                off -= np.median(off[:, : max(3, length // 10)], axis=1, keepdims=True)
+                found[1, runs] = np.quantile(np.abs(off), 0.95, axis=1)
+            self._off[i] = found[0], found[1]
+        return self._off[i]
+
     def weights_on(self, i: int, siblings: Sequence[int], r: int, blocks: NDArray[np.bool_]) -> Floats:
         """The same, learned on some blocks of one run."""
         part = self.movement(r)[:, blocks]
@@ -143,6 +177,14 @@ class Relations:
         return self._sums[key]
 
 
+def relations_of(survey: Survey) -> Relations:
+    """The relations of a survey as it is now."""
+    if "relations" not in survey.kept:
+        survey.kept["relations"] = Relations(survey)
+    relations: Relations = survey.kept["relations"]
+    return relations
+
+
 def _solved(gram: Floats, ridge: Floats, i: int, siblings: list[int], count: int) -> Floats:
     if not siblings:
         return np.empty(0)
@@ -155,23 +197,21 @@ def block_means(survey: Survey, run: str, columns: Sequence[int]) -> tuple[Float
 
     A channel of which too much is missing is NaN throughout.
     """
-    time, values = survey.time[run], survey.values[run]
+    time, values, whole = survey.time[run], survey.values[run], survey.whole(run)
     count = min(_BLOCKS, time.size)
     borders = np.linspace(0, time.size, count + 1).astype(np.intp)
     means = np.full((len(columns), count), np.nan)
     for k, column in enumerate(columns):
-        x = values[column]
-        present = np.isfinite(x)
-        sums = np.add.reduceat(np.where(present, x, 0.0), borders[:-1])
-        held = np.add.reduceat(present.astype(np.float64), borders[:-1])
-        whole = held > 0
-        if whole.mean() < _PRESENT:
+        if column in whole:
+            means[k] = np.add.reduceat(values[column], borders[:-1]) / np.diff(borders)
             continue
-        row = sums[whole] / held[whole]
-        if not whole.all():
-            row = np.interp(np.arange(count), np.flatnonzero(whole), row)
-        means[k] = row - row.mean()
-    return means, np.r_[time[borders[:-1]], time[-1]]
+        present = np.isfinite(values[column])
+        held = np.add.reduceat(present.astype(np.float64), borders[:-1])
+        if (held > 0).mean() >= _PRESENT:
+            at = np.flatnonzero(held)
+            sums = np.add.reduceat(np.where(present, values[column], 0.0), borders[:-1])
+            means[k] = np.interp(np.arange(count), at, sums[at] / held[at])
+    return means - means.mean(axis=1, keepdims=True), np.r_[time[borders[:-1]], time[-1]]
 
 
 #: The siblings may go beyond their range in the other runs by this share of it: further, the relation is a guess.
@@ -275,7 +315,7 @@ def leaving_group(relations: Relations) -> Iterator[Finding]:
         return
     temperatures = [i for i, role in enumerate(relations.roles) if role == "temperature"]
     siblings = {i: relations.siblings(i) for i in temperatures}
-    departed = {i: _departures(relations, i, siblings[i]) for i in temperatures if len(siblings[i]) >= 2}
+    departed = {i: relations.off_by_others(i)[1] for i in temperatures if len(siblings[i]) >= 2}
     for r in range(len(relations.runs)):
         suspects = []
         for i, sizes in departed.items():
@@ -297,22 +337,24 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
     its resolution, and in other stretches of that length in which they said so, it did. Where it only did so in runs in
     which it never stands still as long, it is a warning, and nothing is left out: the others may be at fault, too.
     """
-    for i, column in enumerate(relations.columns):
-        quantum = survey.quantum(column)
+    quanta = [survey.quantum(column) for column in relations.columns]
+    longest = [longest_still(survey, run, relations.columns, quanta) for run in relations.runs]
+    for i, (column, quantum) in enumerate(zip(relations.columns, quanta, strict=True)):
         if relations.roles[i] == "ambient" or quantum == 0.0:
             continue
-        siblings: list[int] | None = None
-        scales = [survey.scale(run, column) for run in relations.runs]
-        extremes = (min(s.low for s in scales if s.count), max(s.high for s in scales if s.count))
-        longest_s = [_longest_still_s(survey, run, column, quantum) for run in relations.runs]
+        scales: list[Scale] = []
         for r, run in enumerate(relations.runs):
+            least = max(20.0, 5.0 * survey.time[run].size / relations.movement(r).shape[1])
             series = survey.series(run, column)
-            if not relations.present[i, r] or series.x.size < 40:
+            if longest[r][i] < least or not relations.present[i, r] or series.x.size < 40:
                 continue
+            if not scales:
+                siblings = relations.siblings(i)
+                scales = [survey.scale(run, column) for run in relations.runs]
+                extremes = (min(s.low for s in scales if s.count), max(s.high for s in scales if s.count))
+                longest_s = [_longest_still_s(survey, run, column, quantum) for run in relations.runs]
             still = still_stretches(series.x, quantum)
-            per_block = max(1.0, survey.time[run].size / relations.movement(r).shape[1])
-            for k in np.flatnonzero(still.length >= max(20.0, 5.0 * per_block)):
-                siblings = relations.siblings(i) if siblings is None else siblings
+            for k in np.flatnonzero(still.length >= least):
                 begin, end = float(series.time_s[still.first[k]]), float(series.time_s[still.last[k]])
                 railed = float(still.value[k]) in extremes
                 others = relations.others(i, r)
@@ -340,15 +382,6 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
                     "none" if unsure else "leave-out-stretch",
                     level="warning" if unsure else "error",
                 )
-
-
-def _departures(relations: Relations, i: int, siblings: Sequence[int]) -> Floats:
-    """Size of the departure in each run, each against the relation of the other runs [K]; NaN where absent."""
-    sizes = np.full(len(relations.runs), np.nan)
-    for r in np.flatnonzero(relations.present[i]).tolist():
-        weights = relations.weights_without(i, siblings, [r])
-        sizes[r] = _size(relations.departure(i, siblings, weights, r))
-    return sizes
 
 
 def _excess(relations: Relations, i: int, siblings: Sequence[int], r: int) -> tuple[Floats, float]:

@@ -1,7 +1,8 @@
 """What the channels of a recording look like, run by run: level, resolution, noise; and how a finding says it."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ _COMMANDS = "spindle_speed feed_rate position_command position velocity accelera
 COMMAND_ROLES = tuple(_COMMANDS.split())  #: Roles whose change is a reason for a measured channel to jump.
 
 IMPLAUSIBLE = 1e12  #: No role has values of this size in its canonical unit; larger ones would only overflow.
+
+_TOGETHER = 1 << 16  #: Samples that are looked at in one go: short series cost a call each, long ones memory.
 
 #: Samples per block in which the noise is estimated: enough for a mean, short enough for changing conditions.
 _NOISE_BLOCK = 48
@@ -73,6 +76,9 @@ class Survey:
         self._scales: dict[tuple[str, int], Scale] = {}
         self._quanta: dict[int, float] = {}
         self._columns: dict[tuple[str, ...], list[int]] = {}
+        self._whole: dict[str, set[int]] = {}
+        self._rows = {run: np.arange(time.size) for run, time in self.time.items()}
+        self.kept: dict[str, Any] = {}  #: What checks keep for later ones, until something is left out
 
     def columns(self, *roles: str) -> list[int]:
         """Positions of the channels that have one of these roles."""
@@ -80,23 +86,38 @@ class Survey:
             self._columns[roles] = [i for i, channel in enumerate(self.channels) if channel.role in roles]
         return list(self._columns[roles])
 
+    def whole(self, run: str) -> set[int]:
+        """Positions of the channels without a missing sample in a run."""
+        if run not in self._whole:
+            self._whole[run] = set(np.flatnonzero(np.isfinite(self.values[run]).all(axis=1)).tolist())
+        return self._whole[run]
+
     def series(self, run: str, column: int) -> Series:
         """One channel in one run without its missing samples."""
-        x, time = self.values[run][column], self.time[run]
-        present = np.isfinite(x)
-        if present.all():
-            rows = np.arange(x.size)
-        else:
-            rows = np.flatnonzero(present)
+        x, time, rows = self.values[run][column], self.time[run], self._rows[run]
+        if column not in self.whole(run):
+            rows = np.flatnonzero(np.isfinite(x))
             x, time = x[rows], time[rows]
         return Series(self.channels[column], column, run, time, x, rows)
 
+    def together(self, run: str, columns: Iterable[int]) -> Iterator[tuple[Sequence[int], Floats]]:
+        """Channels of a run without their missing samples, those of one length side by side: (columns, rows of x)."""
+        whole, columns = self.whole(run), list(columns)
+        alike, most = [c for c in columns if c in whole], max(1, _TOGETHER // max(1, self.time[run].size))
+        for k in range(0, len(alike), most):
+            some = alike[k : k + most]
+            yield some, self.values[run][some if len(some) > 1 else slice(some[0], some[0] + 1)]
+        for column in columns:
+            if column not in whole:
+                yield [column], self.series(run, column).x[None]
+
     def scale(self, run: str, column: int) -> Scale:
         """Level, resolution and noise of one channel in one run, of what has not been left out so far."""
-        key = (run, column)
-        if key not in self._scales:
-            self._scales[key] = scale_of(self.series(run, column).x)
-        return self._scales[key]
+        if (run, column) not in self._scales:
+            missing = [c for c in range(len(self.channels)) if (run, c) not in self._scales]
+            for columns, x in self.together(run, missing):
+                self._scales.update(zip(((run, c) for c in columns), scales_of(x), strict=True))
+        return self._scales[run, column]
 
     def quantum(self, column: int, run: str | None = None) -> float:
         """Resolution of a channel: in a run, or the median over its runs when it hardly moves there [unit]."""
@@ -122,8 +143,10 @@ class Survey:
         for finding in findings:
             if finding.action == "none":
                 continue
+            self.kept.clear()
             for run in self.runs if finding.where.run is None else (finding.where.run,):
                 rows = left_out_rows(finding, self.time[run])
+                self._whole.pop(run, None)
                 for column, channel in enumerate(self.channels):
                     if finding.where.channel in (None, channel.name):
                         self.values[run][column, rows] = np.nan
@@ -131,45 +154,61 @@ class Survey:
                         self._quanta.pop(column, None)
 
 
-def scale_of(x: Floats) -> Scale:
-    """Level, resolution and noise of samples without missing values; O(n log n) for one sort."""
-    if x.size == 0:
-        return Scale(0, 0, np.nan, np.nan, np.nan, 0.0, 0.0, 0.0, np.empty(0))
-    ordered = np.sort(x)
-    low, high = float(ordered[0]), float(ordered[-1])
-    steps = np.diff(ordered)
-    steps = steps[steps > 1e-9 * max(abs(low), abs(high))]
-    if steps.size:
-        # not the smallest: one value off the grid (a mean, an interpolated sample) must not define the grid
-        nth = steps.size // 10
-        quantum = float(np.partition(steps, nth)[nth])
-    else:
-        quantum = 0.0
+def scales_of(x: Floats) -> list[Scale]:
+    """Level, resolution and noise of series without missing values, one a row; O(n log n) for one sort."""
+    n = x.shape[1]
+    if n == 0:
+        return [Scale(0, 0, np.nan, np.nan, np.nan, 0.0, 0.0, 0.0, np.empty(0))] * len(x)
+    ordered = np.sort(x, axis=1)
+    low, high = ordered[:, 0], ordered[:, -1]
+    steps = np.full(x.shape, np.inf)
+    np.subtract(ordered[:, 1:], ordered[:, :-1], out=steps[:, :-1])
+    steps[~(steps > 1e-9 * np.maximum(np.abs(low), np.abs(high))[:, None])] = np.inf
+    count = np.isfinite(steps).sum(axis=1)
+    # not the smallest: one value off the grid (a mean, an interpolated sample) must not define the grid
+    quantum = [float(np.partition(of, k // 10)[k // 10]) if k else 0.0 for of, k in zip(steps, count, strict=True)]
     blocks = block_noise(x)
-    start = float(np.median(x[: max(5, x.size // 200)]))
-    span = float(ordered[int(0.98 * (x.size - 1))] - ordered[int(0.02 * (x.size - 1))])
-    noise = float(np.median(blocks)) if blocks.size else 0.0
-    return Scale(int(x.size), int(steps.size) + 1, low, high, start, span, quantum, noise, blocks)
+    start = np.median(x[:, : max(5, n // 200)], axis=1)
+    span = ordered[:, int(0.98 * (n - 1))] - ordered[:, int(0.02 * (n - 1))]
+    noise = np.median(blocks, axis=1) if blocks.size else np.zeros(len(x))
+    columns = (of.tolist() for of in (count + 1, low, high, start, span))
+    return [Scale(n, *of) for of in zip(*columns, quantum, noise.tolist(), blocks, strict=True)]
 
 
 def block_noise(x: Floats) -> Floats:
-    """Robust standard deviation of white noise per block of samples; second differences cancel level and trend."""
-    if x.size < 6:
-        return np.empty(0)
-    second = np.abs(x[2:] - 2.0 * x[1:-1] + x[:-2])
-    width = min(_NOISE_BLOCK, max(12, second.size // 8), second.size)
-    whole = second[: second.size // width * width].reshape(-1, width)
+    """Robust standard deviation of white noise per block of samples; second differences cancel level and trend.
+
+    Series run along the last axis, and so do the blocks.
+    """
+    if x.shape[-1] < 6:
+        return np.empty((*x.shape[:-1], 0))
+    second = np.abs(x[..., 2:] - 2.0 * x[..., 1:-1] + x[..., :-2])
+    size = second.shape[-1]
+    width = min(_NOISE_BLOCK, max(12, size // 8), size)
+    whole = second[..., : size // width * width].reshape(*x.shape[:-1], -1, width)
     # the lower nine tenths, so that a spike does not count; their mean is 0.657 standard deviations for normal noise,
     # and var(second difference) = 6 sigma^2
     kept = int(np.ceil(0.9 * width))
-    lower = np.partition(whole, kept - 1, axis=1)[:, :kept]
-    return np.asarray(lower.mean(axis=1) / (0.657 * np.sqrt(6.0)), dtype=np.float64)
+    lower = np.partition(whole, kept - 1, axis=-1)[..., :kept]
+    return np.asarray(lower.mean(axis=-1) / (0.657 * np.sqrt(6.0)), dtype=np.float64)
 
 
 def present_median(values: Floats) -> float:
     """Median of the values that are there; NaN if none is."""
     values = values[np.isfinite(values)]
     return float(np.median(values)) if values.size else float("nan")
+
+
+def medians_of_others(values: Floats) -> Floats:
+    """Of each value the `present_median` of all others."""
+    is_present = np.isfinite(values)
+    ordered = np.sort(values[is_present])
+    n, found = ordered.size, np.full(values.size, present_median(values))
+    # of those that are left when one of rank k is gone, the middle one or two
+    k = np.searchsorted(ordered, values[is_present])
+    low, high = (n - 2) // 2, (n - 1) // 2
+    found[is_present] = 0.5 * (ordered[low + (low >= k)] + ordered[high + (high >= k)]) if n > 1 else np.nan
+    return found
 
 
 _UNITS = {"degC": "°C", "um": "µm", "1": ""}

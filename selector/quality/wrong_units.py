@@ -7,8 +7,8 @@ import numpy as np
 
 from selector.findings import Finding, Where
 from selector.quality.finding_table import FINDINGS
-from selector.quality.siblings import Relations
-from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference, reading
+from selector.quality.siblings import Relations, relations_of
+from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference, medians_of_others, reading
 from selector.units import parse_unit
 
 
@@ -106,7 +106,7 @@ def _told_temperatures(
 ) -> Iterator[Finding]:
     if not suspects:
         return
-    relations = Relations(survey)
+    relations = relations_of(survey)
     affected = np.zeros(level.shape, dtype=np.bool_)
     for i, r, *_ in suspects:
         affected[i, r] = True
@@ -175,12 +175,9 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
         scales = {run: survey.scale(run, column) for run in survey.runs}
         usable = [run for run in survey.runs if scales[run].count >= 20 and scales[run].distinct > 5]
         told = False
-        for run in usable:
-            others = [other for other in usable if other != run]
-            if not others:
-                continue
-            span = float(np.median([scales[other].span for other in others]))
-            floor = float(np.median([scales[other].floor for other in others]))
+        spans = medians_of_others(np.array([scales[run].span for run in usable])).tolist()
+        floors = medians_of_others(np.array([scales[run].floor for run in usable])).tolist()
+        for run, span, floor in zip(usable, spans, floors, strict=True) if len(usable) > 1 else ():
             here = scales[run]
             for mistake in (one for one in _LENGTH if _is_possible(survey, column, run, one)):
                 # the noise of a gauge does not depend on what the machine did, the span does
@@ -190,7 +187,7 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
                 quiet, noisy, short, long = (0.25, 8, 0.05, 20) if decade else (0.6, 1.6, 0.2, 5)
                 fits = quiet < noise_off < noisy and short < span_off < long
                 # of two runs that differ, the implausible one is wrong
-                if fits and (len(others) > 1 or (here.span < 0.5 if mistake.gain < 1 else here.span > 5000.0)):
+                if fits and (len(usable) > 2 or (here.span < 0.5 if mistake.gain < 1 else here.span > 5000.0)):
                     told = True
                     yield FINDINGS.finding(
                         "wrong-unit",
