@@ -38,7 +38,7 @@ NOISE_UM, UNSEEN_UM = 0.4, 0.5
 SIZES = {"gauge": (0.5, 1.0, 2.0, 5.0), "wear": (0.05, 0.1, 0.3), "sensor": (0.02, 0.05, 0.2), "season": (1.0, 3.0)}
 #: What no thermometer sees, from day to day; of a correlated one, how much a day is like the one before it.
 DAYS = ("normal", "heavy tails", "skewed", "idle and hard days", "a chip in fifty days")
-CORRELATED = (0.3, 0.6, 0.8)
+CORRELATED = (0.3, 0.6, 0.8, 0.9)
 
 
 def unseen(rng: np.random.Generator, days: str | float, n: int) -> np.ndarray:

@@ -109,14 +109,15 @@ def charted(known: Array, new: Array, runs_between_alarms: float, *, is_two_side
     An upward sum, and on a two-sided chart a downward one, too, each with the limit of `runs_between_alarms`.
     """
     deviate, limit = deviates(np.concatenate([known, new])), alarm_limit(runs_between_alarms)
-    charts = [_one_sided(sign * deviate, len(new), limit) for sign in ((1.0, -1.0) if is_two_sided else (1.0,))]
+    signs = (1.0, -1.0) if is_two_sided else (1.0,)
+    alike = _correlations(deviate, is_two_sided=is_two_sided)
+    charts = [_one_sided(sign * deviate, alike, len(new), limit) for sign in signs]
     return min(charts, key=lambda one: (len(new) if one.alarm_at is None else one.alarm_at, -one.highest))
 
 
-def _one_sided(deviate: Array, n_new: int, limit: float) -> Chart:
+def _one_sided(deviate: Array, alike: Array, n_new: int, limit: float) -> Chart:
     """The sum over the last `n_new` deviates."""
     n_known = len(deviate) - n_new
-    alike = _correlations(deviate)
     total, start, highest, share = 0.0, 0, 0.0, 0.0
     for i in range(n_new):
         at = n_known + i
@@ -132,11 +133,19 @@ def _one_sided(deviate: Array, n_new: int, limit: float) -> Chart:
     return Chart(highest, limit, None, None)
 
 
-def _correlations(deviate: Array) -> Array:
-    """Correlation of one run with the next, unless the runs before each speak against it; 0 or more, shape (n,)."""
-    square = deviate * deviate
-    both = np.r_[0.0, 0.0, np.cumsum(deviate[1:] * deviate[:-1])][: len(deviate)]
-    found = (both + ALIKE_AT_FIRST) / (np.cumsum(square) - square + ALIKE_AT_FIRST)
+def _correlations(deviate: Array, *, is_two_sided: bool) -> Array:
+    """Correlation of one run with the next, unless the runs before each speak against it; 0 or more, shape (n,).
+
+    Sizes are not alike to both sides: where a mean comes and goes slowly, a large error is followed by a large one, and
+    a small one says little. An upward sum alone takes what runs after high ones show, if that is more.
+    """
+
+    def after(first: Array) -> Array:
+        both = np.r_[0.0, 0.0, np.cumsum(deviate[1:] * first[:-1])][: len(deviate)]
+        square = first * first
+        return np.asarray((both + ALIKE_AT_FIRST) / (np.cumsum(square) - square + ALIKE_AT_FIRST))
+
+    found = after(deviate) if is_two_sided else np.maximum(after(deviate), after(np.maximum(deviate, 0.0)))
     return np.clip(found, 0.0, LARGEST_CORRELATION)
 
 
