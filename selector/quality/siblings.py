@@ -13,17 +13,7 @@ from numpy.typing import NDArray
 from selector.findings import Finding, Where
 from selector.quality.broken_sensors import longest_still, still_stretches
 from selector.quality.finding_table import FINDINGS
-from selector.quality.survey import (
-    Floats,
-    Scale,
-    Survey,
-    difference,
-    duration,
-    moment,
-    present_median,
-    reading,
-    stretch,
-)
+from selector.quality.survey import Floats, Survey, difference, duration, moment, present_median, reading, stretch
 
 _BLOCKS = 240
 _PRESENT = 0.9  #: A channel takes part in a run when so many of its blocks hold a sample; the rest is interpolated.
@@ -342,17 +332,17 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
     for i, (column, quantum) in enumerate(zip(relations.columns, quanta, strict=True)):
         if relations.roles[i] == "ambient" or quantum == 0.0:
             continue
-        scales: list[Scale] = []
+        extremes: tuple[float, float] | None = None
         for r, run in enumerate(relations.runs):
             least = max(20.0, 5.0 * survey.time[run].size / relations.movement(r).shape[1])
             series = survey.series(run, column)
             if longest[r][i] < least or not relations.present[i, r] or series.x.size < 40:
                 continue
-            if not scales:
+            if extremes is None:
                 siblings = relations.siblings(i)
-                scales = [survey.scale(run, column) for run in relations.runs]
+                scales = [survey.scale(one, column) for one in relations.runs]
                 extremes = (min(s.low for s in scales if s.count), max(s.high for s in scales if s.count))
-                longest_s = [_longest_still_s(survey, run, column, quantum) for run in relations.runs]
+                longest_s = [_longest_still_s(survey, one, column, quantum) for one in relations.runs]
             still = still_stretches(series.x, quantum)
             for k in np.flatnonzero(still.length >= least):
                 begin, end = float(series.time_s[still.first[k]]), float(series.time_s[still.last[k]])

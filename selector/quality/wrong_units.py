@@ -84,20 +84,19 @@ def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
             )
             return
     suspects: list[tuple[int, int, Mistake, float, str]] = []
-    for i in range(len(columns)) if hottest - coldest >= _OFF_K else ():  # else none is far off
-        for r in range(len(survey.runs)):
-            others, siblings = np.delete(level[i], r), np.delete(level[:, r], i)
-            for compared, source in ((others, "in the other runs"), (siblings, "beside the other channels")):
-                reference = compared[np.isfinite(compared)]
-                # one other channel may be a colder part
-                is_told = reference.size >= (1 if compared is others else 2)
-                middle = float(np.median(reference)) if is_told else np.nan
-                if _ROOM_C[0] <= middle <= _ROOM_C[1]:
-                    of_unit = tuple(one for one in _THERMAL if _is_possible(survey, columns[i], survey.runs[r], one))
-                    found = _explaining(float(level[i, r]), middle, of_unit)
-                    if found is not None:
-                        suspects.append((i, r, found, middle, source))
-                        break
+    in_others = np.apply_along_axis(medians_of_others, 1, level)
+    # one other channel may be a colder part
+    count = np.isfinite(level).sum(axis=0) - np.isfinite(level)
+    beside = np.where(count >= 2, np.apply_along_axis(medians_of_others, 0, level), np.nan)
+    # else none is far off
+    for i, r in np.argwhere(np.isfinite(level)).tolist() if hottest - coldest >= _OFF_K else ():
+        for middle, source in ((in_others[i, r], "in the other runs"), (beside[i, r], "beside the other channels")):
+            if _ROOM_C[0] <= middle <= _ROOM_C[1]:
+                of_unit = tuple(one for one in _THERMAL if _is_possible(survey, columns[i], survey.runs[r], one))
+                found = _explaining(float(level[i, r]), float(middle), of_unit)
+                if found is not None:
+                    suspects.append((i, r, found, float(middle), source))
+                    break
     yield from _told_temperatures(survey, columns, level, suspects)
 
 
