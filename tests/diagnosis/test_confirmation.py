@@ -96,6 +96,16 @@ def test_what_wrong_parameters_do_as_well_is_half_sure_and_says_so(slow, id_, ri
     assert or_parameters(made, result, of_one_run) == of_one_run
 
 
+def test_a_lag_in_the_place_of_the_course_is_as_large_as_what_recalibration_does_not_do(slow):
+    made, result = found(slow, 1.0)
+    moved = np.std(made.recorded["Z"][~made.held_out])
+    course = moved * slow / np.std(slow[~made.held_out])
+    effect = replace(named_effect(made, result, "thermal.memory"), confidence=0.9, courses={"Z": course})
+    for beyond, confidence in ((0.05, 0.5), (0.2, 0.9)):
+        share = (beyond * moved) ** 2 / result.benches["Z"].mean_square([])
+        assert or_parameters(made, result, replace(effect, share=share)).confidence == confidence
+
+
 def test_what_is_several_times_the_mismatch_only_cancels_a_gain(slow):
     made, result = found(slow, 1.0)
     effect = named_effect(made, result, "thermal.memory")

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.evidence.naming import whole_record_effect
 from selector.diagnosis.evidence.recalibration import Recalibrated, whole_record_names
+from selector.diagnosis.evidence.response import bench_of
 from tests.diagnosis.made import comparison
 
 
@@ -42,3 +46,11 @@ def test_a_simulation_that_comes_late_in_all_responses_is_no_clock():
 
 def test_the_factor_of_a_unit_is_a_gain_wherever_it_is_seen():
     assert names(recalibrated(gain=25.4), recalibrated(gain=25.4)) == {"data.gain"}
+
+
+@pytest.mark.parametrize(("share", "is_sure"), [(0.3, False), (0.9, True)])
+def test_a_gain_that_leaves_most_of_the_mismatch_is_half_sure(share, is_sure):
+    made = comparison({"Z": np.random.default_rng(0).standard_normal(1200)})
+    again = {"Z": replace(recalibrated(gain=1.05), share=share)}
+    told = whole_record_effect(made, {"Z": bench_of(made, "Z", ())[0]}, again, "data.gain", {"Z": "gain"})
+    assert (told.confidence > 0.5) == is_sure

@@ -111,10 +111,11 @@ _ONE_SPEED = 0.1  #: Of the usual speed, by which it differs at most.
 #: What parameters of a simulation of heat that are a few per cent off look like, and the part of the movement below
 #: which it is no surer than they are likely: on 16 machines with values 2 and 5 % off it was 2 to 20 %.
 _OF_HEAT = {"thermal.memory", "thermal.convection", "thermal.interaction", "thermal.speed_heating"}
-_OF_MOVEMENT = 0.25
+_OF_MOVEMENT, _BEYOND = 0.25, 0.1  #: Its course, and what it does beyond recalibration.
 _OF_FORCE = 0.05  #: Of the force that the simulation has of the same kind.
 _OF_A_SWITCH = {"thermal.coolant": "thermal.second_source", "thermal.second_source": "thermal.coolant"}
 _SHOWN = 9.0  #: Gain from which an effect shows in a response by itself: three standard errors.
+_WHOLE = 0.7  #: Confidence of what recalibration shows in one response, and most of its mismatch.
 _INPUT_FAULT = 0.9  #: Confidence of a fault that a channel's own course shows and nothing else explains.
 
 
@@ -214,8 +215,11 @@ def or_parameters(comparison: Comparison, found: Search, effect: NamedEffect) ->
     # no parameter is wrong in one run alone
     rivals = effect.cannot_be_told_from if effect.acts is None else ()
     if not _OF_HEAT.isdisjoint((effect.id, *rivals)):
-        fitted, course = found.benches[effect.channel].fitted, effect.courses[effect.channel]
-        is_like = bool(np.std(course[fitted]) < _OF_MOVEMENT * np.nanstd(comparison.recorded[effect.channel][fitted]))
+        bench, course = found.benches[effect.channel], effect.courses[effect.channel]
+        moved = np.nanstd(comparison.recorded[effect.channel][bench.fitted])
+        # a lag may take the place of the simulated course; what recalibration does not do by itself is little then
+        beyond = np.sqrt(effect.share * bench.mean_square([]))
+        is_like = bool(np.std(course[bench.fitted]) < _OF_MOVEMENT * moved or beyond < _BEYOND * moved)
     if not is_like:
         return effect
     also = ", as parameters of the simulation that are a few per cent off would do, too."
@@ -275,9 +279,7 @@ def _course(bench: Bench, named: Sequence[int], v: int) -> tuple[Vector, float]:
         if other == v:
             course = bench.raw(v) @ beta[first : first + width]
         first += width
-    alone = bench.mean_square([])
-    fall = bench.mean_square([other for other in named if other != v]) - bench.mean_square(named)
-    return course, fall / alone if alone > 0.0 else 0.0
+    return course, bench.share([other for other in named if other != v], v)
 
 
 def _fitted(comparison: Comparison, found: Search, id_: str, response: str, course: Vector) -> Fitted:
@@ -342,7 +344,7 @@ def whole_record_effect(
         place=comparison.channel(main).place,
         statement=statement,
         parameters={key: value},
-        confidence=0.7,
+        confidence=_WHOLE if again[main].share >= MOST_OF_IT else _HALF,
         p_value=again[main].p_value,
         share=float(np.clip(again[main].share, 0.0, 1.0)),
         cannot_be_told_from=("data.zero",) if id_ == "drive.offset_force" else (),
@@ -412,8 +414,8 @@ def _is_part_of_little(comparison: Comparison, found: Search, response: str) -> 
     """Whether names explain less than three quarters of a mismatch that is no noise, and little in one run."""
     bench = found.benches[response]
     left = bench.mean_square(numbers(found.named, response)) / bench.mean_square([])
-    is_misfit = found.misfit[response] > 1.0
-    return is_misfit and left > 1.0 - MOST_OF_IT and is_little_in_one_run(comparison, found, response)
+    is_part = found.misfit[response] > 1.0 and left > 1.0 - MOST_OF_IT
+    return is_part and is_little_in_one_run(comparison, found, response)
 
 
 def seen_only(effects: Iterable[NamedEffect]) -> tuple[NamedEffect, ...]:

@@ -366,11 +366,10 @@ def adds(bench: Bench, named: Sequence[int], v: int) -> bool:
 
     Physics that explains three quarters of it may be of another size there.
     """
-    without_it, with_it = bench.residual(named), bench.residual([*named, v])
-    fall = np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2)
-    share = float(fall) / bench.mean_square([])
+    share = bench.share(named, v)
     if share < TENTH or (share >= MOST_OF_IT and bench.candidates[v].effect.family != "data"):
         return share >= TENTH
+    without_it, with_it = bench.residual(named), bench.residual([*named, v])
     held = np.isfinite(without_it) & ~bench.fitted
     return not held.any() or bool(np.sum(with_it[held] ** 2) <= np.sum(without_it[held] ** 2))
 
@@ -473,9 +472,8 @@ def _by_transfer(
 def _explains_as_much(bench: Bench, others: Named, beside: Mapping[str, Standing], own: str, other: str) -> bool:
     """Whether another effect explains about as much of the fitted rows: a part that carries is not the whole."""
     base, name = numbers(others, bench.response), bench.response
-    before = bench.mean_square(base)
-    falls = [before - bench.mean_square([*base, beside[id_].tested[name].best]) for id_ in (own, other)]
-    return falls[1] >= _AS_GOOD * falls[0]
+    shares = [bench.share(base, beside[id_].tested[name].best) for id_ in (own, other)]
+    return shares[1] >= _AS_GOOD * shares[0]
 
 
 def is_slow_in_one_run(bench: Bench, v: int) -> bool:
