@@ -23,7 +23,7 @@ from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import lagged
 from selector.types import Matrix
 
-Misfits = tuple[Matrix, ...]  #: Random functions of each kind of state.
+_Misfits = tuple[Matrix, ...]  #: Random functions of each kind of state.
 _WAVES = 96
 _MEMORIES = (0.01, 0.05, 0.25)  #: Time constants of what the misfit remembers, in parts of the longest run.
 #: The same beside effects of heat: a misfit that remembers for long is what `thermal.memory` means.
@@ -52,7 +52,7 @@ def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
     """
 
     @cache
-    def waves(memories: Sequence[float]) -> dict[str, Misfits]:
+    def waves(memories: Sequence[float]) -> dict[str, _Misfits]:
         return {name: waves_of(comparison, name, memories) for name in comparison.responses}
 
     while True:
@@ -74,7 +74,7 @@ def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
         found = replace(found.only(set(found.named) - {least}), wrong=wrong)
 
 
-def waves_of(comparison: Comparison, response: str, memories: Sequence[float] = _MEMORIES) -> Misfits:
+def waves_of(comparison: Comparison, response: str, memories: Sequence[float] = _MEMORIES) -> _Misfits:
     """Waves over where a response is and how it moved of late; of a longer memory also over where it is and was."""
     course = comparison.simulated_course(response)
     was = [lagged(comparison, course, part * comparison.longest_s, settled=True) for part in memories]
@@ -94,7 +94,7 @@ def _waves(state: Matrix) -> Matrix:
     return np.asarray(np.sqrt(2.0) * np.cos(state @ directions + draw.uniform(0.0, 2.0 * np.pi, _WAVES)))
 
 
-def _kept(found: Search, id_: str, waves: dict[str, Misfits]) -> tuple[float, float]:
+def _kept(found: Search, id_: str, waves: dict[str, _Misfits]) -> tuple[float, float]:
     """Share of a name's evidence that is left with a misfit beside it, and how large that is where it is smallest.
 
     What explains much of unseen rows, too, and no less than a misfit that is fitted to the others, is no guess among
@@ -116,7 +116,7 @@ def _kept(found: Search, id_: str, waves: dict[str, Misfits]) -> tuple[float, fl
     return float(beside / alone), size
 
 
-def _is_carried(bench: Bench, others: Sequence[int], v: int, waves: Misfits) -> bool:
+def _is_carried(bench: Bench, others: Sequence[int], v: int, waves: _Misfits) -> bool:
     """Whether a name explains a quarter of unseen rows, and as much as a misfit of the size that is best there."""
     left, fitted = bench.residual(others), bench.fitted
     held = np.isfinite(left) & ~fitted
@@ -134,7 +134,7 @@ def _is_carried(bench: Bench, others: Sequence[int], v: int, waves: Misfits) -> 
     return True
 
 
-def _evidence(bench: Bench, others: Sequence[int], id_: str, waves: Misfits) -> tuple[float, float, float]:
+def _evidence(bench: Bench, others: Sequence[int], id_: str, waves: _Misfits) -> tuple[float, float, float]:
     """Logarithm of how much more likely a name makes the record, without a misfit and with one beside it.
 
     The last is the likeliest size of the misfit beside the name, in parts of the mismatch.
