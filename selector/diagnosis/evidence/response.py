@@ -255,10 +255,10 @@ class Bench:
         """Of the residual beside the candidates `named`, over the fitted rows [unit²]."""
         return float(np.mean(self.residual(named)[self.fitted] ** 2))
 
-    def share(self, others: Sequence[int], v: int) -> float:
-        """Share of what recalibration leaves of the fitted rows that candidate `v` explains beside `others`."""
+    def share(self, named: Sequence[int], v: int) -> float:
+        """Share of what recalibration leaves of the fitted rows that candidate `v` explains beside those `named`."""
         alone = self.mean_square([])
-        return (self.mean_square(others) - self.mean_square([*others, v])) / alone if alone > 0.0 else 0.0
+        return (self.mean_square(named) - self.mean_square([*named, v])) / alone if alone > 0.0 else 0.0
 
     def quick(self, left: Vector) -> float:
         """Root mean square of third differences of what is left [unit]: of white noise its own; NaN in short parts.
