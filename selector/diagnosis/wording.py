@@ -8,7 +8,6 @@ import pandas as pd
 from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place, recalibration_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.finding_table import SLOW_REMAINDER, SMALL_MISFIT, UNRECORDED_SWITCH
 from selector.diagnosis.shown_units import displayed
 from selector.number_text import listed, number_text
@@ -70,7 +69,7 @@ def _turned(found: Diagnosis) -> Iterator[str]:
         )
         goes_against = recorded.cov(simulated) < 0.0
         if goes_against and gain is not None and gain.high is not None and gain.value < 0.0 > gain.high:
-            yield f"{response} is simulated with the opposite sign: its gain should be {_digits(gain.value)}."
+            yield f"{response} is simulated with the opposite sign: its gain should be {number_text(gain.value)}."
 
 
 def what_to_do(found: Diagnosis) -> tuple[str, ...]:
@@ -133,30 +132,16 @@ def sure_words(confidence: float) -> str:
     return "more than 99 % sure" if confidence >= 0.995 else f"{100 * confidence:.0f} % sure"
 
 
-def quantity_words(quantity: Quantity) -> str:
-    """A number with its unit and interval."""
-    text = amount(quantity.value, quantity.unit)
-    if quantity.low is None or quantity.high is None:
-        return text
-    factor = displayed(quantity.unit, quantity.value)[0]
-    low, high = factor * quantity.low, factor * quantity.high
-    if np.isinf(high):
-        return f"{text} (at least {_digits(low)})" if low > 0.0 else text
-    if low == 0.0 < quantity.value:
-        return f"{text} (at most {_digits(high)})"
-    return f"{text} ({_digits(low)} to {_digits(high)})"
-
-
 def amount(value: float, unit: str) -> str:
     """A number of three digits with its unit as people write it."""
     factor, shown = displayed(unit, value)
-    return f"{_digits(factor * value)} {shown}".strip()
+    return f"{number_text(factor * value)} {shown}".strip()
 
 
 def duration_words(seconds: float) -> str:
     """A time from the start of a run."""
     if abs(seconds) < 120.0:
-        return f"{_digits(seconds)} s"
+        return f"{number_text(seconds)} s"
     minutes = round(seconds / 60.0)
     if minutes < 60:
         return f"{minutes} min"
@@ -208,11 +193,11 @@ def _gain(found: Diagnosis, effect: NamedEffect) -> str:
     error = f"the error of {effect.channel}"
     factor, unit = displayed(fit.unit, fit.train.rmse_before)
     if not np.isfinite(fit.heldout.rmse_after):
-        before, after = (_digits(factor * one) for one in (fit.train.rmse_before, fit.train.rmse_after))
+        before, after = (number_text(factor * one) for one in (fit.train.rmse_before, fit.train.rmse_after))
         check = "" if effect.suspected else "; nothing of it was held out to check that on"
         return f"{error} falls from {before} to {after} {unit} where it was fitted{check}"
     held = fit.heldout.rmse_before, fit.heldout.rmse_after, fit.recalibrated_heldout
-    before, after, alone = (_digits(factor * one) for one in held)
+    before, after, alone = (number_text(factor * one) for one in held)
     error += f" on {held_out_words(found.comparison)}"
     if _is_left_out(effect):
         return f"without that stretch {error} is {after} {unit}"
@@ -233,7 +218,7 @@ def _elsewhere(found: Diagnosis, effect: NamedEffect) -> str:
             continue
         factor, unit = displayed(fit.unit, fit.heldout.rmse_before)
         before, after = factor * fit.heldout.rmse_before, factor * fit.heldout.rmse_after
-        parts.append((name, f"of {name} falls from {_digits(before)} to {_digits(after)} {unit}"))
+        parts.append((name, f"of {name} falls from {number_text(before)} to {number_text(after)} {unit}"))
     if not parts:
         return ""
     return f" It shows in {listed([name for name, _ in parts])} too: the error {listed([text for _, text in parts])}."
@@ -273,7 +258,7 @@ def _out_of_calibration(found: Diagnosis) -> list[str]:
     parts = []
     for response, fit in found.fit.items():
         said = [
-            f"{name} {quantity_words(one)}"
+            f"{name} {one.words()}"
             for name, one in recalibration_of(found.recalibration.get(response, {})).items()
             if one.low is None or one.high is None or abs(one.value - (name == "gain")) > one.high - one.low
         ]
@@ -281,7 +266,7 @@ def _out_of_calibration(found: Diagnosis) -> list[str]:
             factor, unit = displayed(fit.unit, fit.heldout.rmse_before)
             before, after = factor * fit.heldout.rmse_before, factor * fit.recalibrated_heldout
             needs = f"{response} needs {listed(said)}, and its error" if said else f"the error of {response}"
-            parts.append(f"{needs} falls from {_digits(before)} to {_digits(after)} {unit}")
+            parts.append(f"{needs} falls from {number_text(before)} to {number_text(after)} {unit}")
     return parts
 
 
@@ -293,7 +278,7 @@ def _miscalibrated(found: Diagnosis) -> str:
     if not parts:
         own = "parameters" if model else "offset, gain or delay"
         return f"{verdict}: the simulation's own {own} explain the difference."
-    numbers = [f"{name} {quantity_words(one)}" for name, one in model[:_MOST_TOLD]]
+    numbers = [f"{name} {one.words()}" for name, one in model[:_MOST_TOLD]]
     more = [f"{len(model) - _MOST_TOLD} more"] if len(model) > _MOST_TOLD else []
     of_model = f"with {listed([*numbers, *more])}, " if model else ""
     unseen = held_out_words(found.comparison)
@@ -372,16 +357,3 @@ def _sentence(text: str) -> str:
 
 def _or_rivals(effect: NamedEffect) -> str:
     return listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
-
-
-def _digits(value: float) -> str:
-    """Three digits, a true minus sign, no exponent for what a machine has."""
-    if not np.isfinite(value):
-        return "–"
-    if value == 0.0:
-        return "0"
-    if not 1e-4 <= abs(value) < 1e7:
-        return f"{value:.2e}".replace("-", "−")
-    rounded = float(f"{value:.2e}")
-    decimals = max(0, 2 - int(np.floor(np.log10(abs(rounded)))))
-    return f"{rounded:.{decimals}f}".replace("-", "−")

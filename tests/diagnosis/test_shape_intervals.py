@@ -14,7 +14,6 @@ from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.naming import shape_intervals
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.shapes.signals import course, lagged
-from selector.diagnosis.wording import quantity_words
 from tests.diagnosis.made import comparison
 
 GRID = (100.0, 213.0, 454.0, 968.0, 2060.0, 4400.0)
@@ -77,7 +76,7 @@ def test_an_open_interval_in_words(interval, text, said):
         "Z", "um", Variant(np.ones((9, 1)), ("n",), shape), np.ones(1), np.ones(1), {"tau_s": interval}, 1, 2
     )
     assert delay_of(fitted) == f"with a delay {text}"
-    assert quantity_words(Quantity(1200.0, "s", *interval)) == said
+    assert Quantity(1200.0, "s", *interval).words() == said
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,11 @@ from functools import cache, wraps
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shown_units import displayed
+from selector.number_text import number_text
 from selector.types import Matrix, Vector
 
 Entry = Literal["force", "heat flow", "displacement", "measurement", "state", "limit"]
@@ -28,16 +31,18 @@ class Quantity:
     high: float | None = None
 
     def words(self, *, amount: bool = False) -> str:
-        """Value, interval and unit, lengths as they are shown; with `amount` without its sign."""
+        """Value, unit and interval, lengths as they are shown; with `amount` without its sign."""
         factor, unit = displayed(self.unit, self.value)
-        value = f"{factor * (abs(self.value) if amount else self.value):.3g}"
-        unit = f" {unit}" if unit else ""
+        text = f"{number_text(factor * (abs(self.value) if amount else self.value))} {unit}".strip()
         if self.low is None or self.high is None:
-            return f"{value}{unit}"
+            return text
         low, high = factor * self.low, factor * self.high
         if amount and self.value < 0.0:
             low, high = -high, -low
-        return f"{value} ({low:.3g} to {high:.3g}){unit}"
+        if np.isinf(high):
+            return f"{text} (at least {number_text(low)})" if low > 0.0 else text
+        start = "at most" if low == 0.0 < self.value else f"{number_text(low)} to"
+        return f"{text} ({start} {number_text(high)})"
 
 
 @dataclass(frozen=True)
@@ -144,7 +149,7 @@ class Fitted:
     @property
     def up_to(self) -> str:
         """The same in words, in the unit of the response."""
-        return f"{self.largest:.3g} {self.unit}"
+        return Quantity(self.largest, self.unit).words()
 
     @property
     def size_words(self) -> str:

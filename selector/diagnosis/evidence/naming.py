@@ -322,13 +322,12 @@ def whole_record_effect(
         bench = benches[name]
         column = bench.nuisance_names.index(shown[name])
         courses[name] = bench.nuisance[:, column] * bench.coefficients([])[0][column]
-    shown_unit = "" if value.unit == "1" else value.unit
-    interval = f"{value.value:.4g} ({value.low:.4g} to {value.high:.4g}) {shown_unit}".rstrip()
+    interval = value.words()
     force = f"force_{unit.lower()}"
     off = f"{main} is recorded {interval} times too large"
     if value.value < 1.0 and value.low and value.high:
-        ends = (1.0 / value.value, 1.0 / value.high, 1.0 / value.low)
-        off = "{} is recorded {:.4g} ({:.4g} to {:.4g}) times too small".format(main, *ends)
+        small = Quantity(1.0 / value.value, "1", 1.0 / value.high, 1.0 / value.low)
+        off = f"{main} is recorded {small.words()} times too small"
     statement, key = {
         "data.gain": (f"{off} in all runs, or simulated so, and no other response is.", "gain"),
         "data.zero": (

@@ -14,6 +14,7 @@ from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.gain import share_closed
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.alignment import comparison_of
+from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.matching.usable import identical_responses
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.open_model.candidates import LEAST, Candidate, candidates, chosen, quick_noise, unseen_squares
@@ -45,7 +46,7 @@ def with_longest_steps(
         return model
     comparison = comparison_of(recording, model.simulated({}), responses=responses, holdout=holdout)
     # what changes from sample to sample, as of a course that does not go on
-    noise = {name: _rms(np.diff(comparison.difference(name))) / np.sqrt(2.0) for name in comparison.responses}
+    noise = {name: rms(np.diff(comparison.difference(name))) / np.sqrt(2.0) for name in comparison.responses}
     chosen = model
     for doubled in range(1, _DOUBLINGS + 1):
         tried = replace(model, step_s=float(model.file.run.step_s) * 2.0**doubled)
@@ -53,7 +54,7 @@ def with_longest_steps(
             courses = simulated_rows(comparison, tried.simulated({}))
         except InputError:
             break
-        if any(not _rms(courses[name] - comparison.simulated[name]) <= _TELLS * noise[name] for name in noise):
+        if any(not rms(courses[name] - comparison.simulated[name]) <= _TELLS * noise[name] for name in noise):
             break
         chosen = tried
     return chosen
@@ -357,7 +358,7 @@ def _floors(tried: _Tried) -> dict[str, float]:
 
 def _squares(comparison: Comparison) -> dict[str, float]:
     """Response → mean square of its mismatch on fitted rows."""
-    return {name: _rms(comparison.difference(name)[~comparison.held_out]) ** 2 for name in comparison.responses}
+    return {name: rms(comparison.difference(name)[~comparison.held_out]) ** 2 for name in comparison.responses}
 
 
 def _named(tried: _Tried) -> list[NamedEffect]:
@@ -430,9 +431,9 @@ def _fit(name: str, tried: _Tried, seed: int, has_more: bool) -> Fit:
     floor = one.heldout.noise_floor or 0.0
     return replace(
         one,
-        train=Errors(_rms((recorded - before)[~held]), _rms((recorded - after)[~held])),
-        heldout=Errors(_rms((recorded - before)[held]), _rms((recorded - after)[held]), one.heldout.noise_floor),
-        recalibrated_heldout=_rms((recorded - middle)[held]),
+        train=Errors(rms((recorded - before)[~held]), rms((recorded - after)[~held])),
+        heldout=Errors(rms((recorded - before)[held]), rms((recorded - after)[held]), one.heldout.noise_floor),
+        recalibrated_heldout=rms((recorded - middle)[held]),
         gap_closed=_closed((recorded - middle)[held], (recorded - after)[held], floor, seed) if tried.put
         else one.gap_closed,
         before=before,
@@ -445,17 +446,17 @@ def _corrected(tried: _Tried, name: str) -> bool:
     """Whether the correction beside the model makes the error of the fitted rows smaller."""
     comparison, rows = tried.last.comparison, ~tried.last.comparison.held_out
     after = comparison.recorded[name] - tried.answer.fit[name].after
-    return _rms(after[rows]) < (1.0 - _FLOOR) * _rms(comparison.difference(name)[rows])
+    return rms(after[rows]) < (1.0 - _FLOOR) * rms(comparison.difference(name)[rows])
 
 
 def _is_borne_out(tried: _Tried, name: str, floor: float) -> bool:
     """Whether a response is off by more than its noise, and unseen rows gain by a correction beside the model."""
     comparison = tried.last.comparison
     rest, held = comparison.difference(name), comparison.held_out
-    if _rms(rest[~held]) <= _NEAR * floor:
+    if rms(rest[~held]) <= _NEAR * floor:
         return False
     after = comparison.recorded[name] - tried.answer.fit[name].after
-    return not held.any() or _rms(after[held]) ** 2 <= (1.0 - LEAST) * _rms(rest[held]) ** 2
+    return not held.any() or rms(after[held]) ** 2 <= (1.0 - LEAST) * rms(rest[held]) ** 2
 
 
 def _closed(middle: Vector, after: Vector, floor: float, seed: int) -> Quantity | None:
@@ -479,8 +480,8 @@ def _is_recalibrated(refit: Refitted) -> bool:
     copies = identical_responses(refit.nominal)
     return any(
         all(
-            _rms(refit.comparison.difference(name)[rows]) ** 2
-            < (1.0 - _FLOOR) * _rms(refit.nominal.difference(name)[rows]) ** 2
+            rms(refit.comparison.difference(name)[rows]) ** 2
+            < (1.0 - _FLOOR) * rms(refit.nominal.difference(name)[rows]) ** 2
             for rows in (held, ~held)
         )
         for name in refit.nominal.responses
@@ -495,8 +496,3 @@ def _mode(runnable: Runnable, tried: _Tried) -> Finding:
     said = f"Mode {runnable.mode}: {what}, {runnable.name!r}; {len(tried.first.values)} parameters refitted, "
     evidence = {"mode": runnable.mode, "refitted": refitted}
     return FINDINGS.finding("mode", f"{said}simulated {times} times.", evidence=evidence)
-
-
-def _rms(values: Vector) -> float:
-    values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

@@ -14,7 +14,6 @@ from selector.diagnosis.wording import (
     duration_words,
     headline,
     name_of,
-    quantity_words,
     sure_words,
     suspicion_words,
     what_to_do,
@@ -192,7 +191,7 @@ def _effect(found: Diagnosis, effect: NamedEffect) -> Iterator[Block]:
 def _quantity_text(of: Quantity) -> str:
     """A quantity with its interval; times as people say them."""
     if of.unit != "s" or of.low is None or of.high is None:
-        return span_text(of.value) if of.unit == "s" else quantity_words(of)
+        return span_text(of.value) if of.unit == "s" else of.words()
     ends = f"at least {span_text(of.low)}" if not isfinite(of.high) else f"{span_text(of.low)} to {span_text(of.high)}"
     return f"{span_text(of.value)} ({ends})"
 
@@ -225,7 +224,7 @@ def _share(of: Quantity) -> str:
 
 def _recalibration(found: Diagnosis) -> Table:
     rows = [
-        [response, name, quantity_words(quantity)]
+        [response, name, quantity.words()]
         for response, quantities in found.recalibration.items()
         for name, quantity in recalibration_of(quantities).items()
     ]

@@ -8,7 +8,6 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity, Variant
-from selector.diagnosis.shown_units import displayed
 from selector.types import Mask, Vector
 
 _MOST_MOMENTS = 40
@@ -143,9 +142,6 @@ def duration(seconds: float) -> str:
     return f"{1e3 * seconds:.4g} ms" if size < 1.0 else f"{seconds:.4g} s"
 
 
-_SHOWN = {"um": "µm", "degC": "K", "1": ""}
-
-
 def step_unit(unit: str) -> str:
     """The unit of a difference of two readings."""
     return "K" if unit == "degC" else unit
@@ -153,5 +149,4 @@ def step_unit(unit: str) -> str:
 
 def amount(value: float, unit: str) -> str:
     """The size of a difference with its unit."""
-    factor, shown = displayed(_SHOWN.get(unit, unit), value)
-    return f"{abs(factor * value):.3g} {shown}".strip()
+    return Quantity(value, step_unit(unit)).words(amount=True)

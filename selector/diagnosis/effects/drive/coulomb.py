@@ -32,20 +32,15 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     shape = {name: fitted.parameter(name) for name in fitted.variant.shape if name == "presliding_um"}
-    key = force_key(fitted, comparison)
+    key, force = force_key(fitted, comparison), fitted.coefficient()
+    turned = " against the sense that friction has" if force.value < 0.0 else ""
+    text = "At each reversal a force that turns with the sense of motion, whatever the speed, pushes the axis aside"
     if key:
-        force = fitted.coefficient()
-        turned = " against the sense that friction has" if force.value < 0.0 else ""
-        return Reading(
+        text = (
             f"Dry friction of {force.words(amount=True)} by sign of motion{turned}, whatever the speed, acts on the "
-            f"axis and is not in the simulation ({fitted.size_words}).",
-            {key: force} | shape,
+            "axis and is not in the simulation"
         )
-    return Reading(
-        f"At each reversal a force that turns with the sense of motion, whatever the speed, pushes the axis aside: "
-        f"{fitted.size_words}.",
-        fitted.size | shape,
-    )
+    return Reading(f"{text} ({fitted.size_words}).", ({key: force} if key else fitted.size) | shape)
 
 
 EFFECT = Effect(**words_of("drive.coulomb"), variants=_variants, testable=reverses, reading=_reading)

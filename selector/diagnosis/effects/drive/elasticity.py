@@ -71,11 +71,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         text = f"A flexible mode near {frequency.value:.3g} Hz rings when the axis changes its acceleration"
         return Reading(f"{text}: {fitted.size_words}.", fitted.size | {"frequency_hz": frequency})
     per = fitted.coefficient(f"{fitted.unit}*s^2/m" if "inertia" in fitted.variant.names[0] else fitted.unit)
-    return Reading(
-        f"The axis winds up between drive and table, by {per.words(amount=True)} per unit of the "
-        f"{fitted.variant.names[0]}: {fitted.size_words}.",
-        fitted.size | {"compliance": per},
-    )
+    text = f"The axis winds up between drive and table, by {per.words(amount=True)} per unit of the"
+    return Reading(f"{text} {fitted.variant.names[0]}: {fitted.size_words}.", fitted.size | {"compliance": per})
 
 
 EFFECT = Effect(**words_of("drive.elasticity"), variants=_variants, testable=responds, reading=_reading)

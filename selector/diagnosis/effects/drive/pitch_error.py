@@ -34,19 +34,16 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    if "lead_mm" in fitted.variant.shape:
-        lead = fitted.parameter("lead_mm")
-        amplitude = waved(fitted)
-        factor, unit = displayed(fitted.unit, amplitude.value)
-        size = f"{factor * amplitude.value:.3g} {unit}"
-        grows = "grows along the way and " if fitted.parameter("power").value else ""
-        return Reading(
-            f"The position error {grows}repeats every {lead.value:.4g} mm with an amplitude of {size}, "
-            f"whatever the speed: {fitted.size_words}.",
-            {"lead_mm": lead, "amplitude": amplitude},
-        )
+    if "lead_mm" not in fitted.variant.shape:
+        text = "A position error grows along the way, whatever speed and direction"
+        return Reading(f"{text}: {fitted.size_words}.", fitted.size)
+    lead, amplitude = fitted.parameter("lead_mm"), waved(fitted)
+    factor, unit = displayed(fitted.unit, amplitude.value)
+    grows = "grows along the way and " if fitted.parameter("power").value else ""
+    text = f"repeats every {lead.value:.4g} mm with an amplitude of {factor * amplitude.value:.3g} {unit}"
     return Reading(
-        f"A position error grows along the way, whatever speed and direction: {fitted.size_words}.", fitted.size
+        f"The position error {grows}{text}, whatever the speed: {fitted.size_words}.",
+        {"lead_mm": lead, "amplitude": amplitude},
     )
 
 

@@ -30,16 +30,12 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     lead = fitted.parameter("lead_mm")
-    key = force_key(fitted, comparison)
-    if key:
-        amplitude = waved(fitted)
-        return Reading(
-            f"A force that repeats every {lead.value:.4g} mm, as cogging or commutation does, has an amplitude of "
-            f"{amplitude.value:.3g} {fitted.unit} ({fitted.size_words}).",
-            {"lead_mm": lead, key: amplitude},
-        )
+    key, amplitude = force_key(fitted, comparison), waved(fitted)
     text = f"A force that repeats every {lead.value:.4g} mm shakes the axis, less the slower it goes"
-    return Reading(f"{text}: {fitted.size_words}.", {"lead_mm": lead} | fitted.size)
+    if key:
+        has = f"has an amplitude of {amplitude.value:.3g} {fitted.unit}"
+        text = f"A force that repeats every {lead.value:.4g} mm, as cogging or commutation does, {has}"
+    return Reading(f"{text} ({fitted.size_words}).", {"lead_mm": lead} | ({key: amplitude} if key else fitted.size))
 
 
 EFFECT = Effect(**words_of("drive.ripple"), variants=_variants, testable=_testable, reading=_reading)

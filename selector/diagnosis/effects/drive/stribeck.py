@@ -38,21 +38,13 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     speed = fitted.parameter("stribeck_speed_m_per_s")
     below = f"below about {1e3 * speed.value:.3g} mm/s"
-    parameters = {"stribeck_speed_m_per_s": speed}
-    key = force_key(fitted, comparison)
+    key, force = force_key(fitted, comparison), fitted.coefficient()
+    text = f"A friction that falls with speed, felt {below}, pushes the axis aside where it starts and turns"
     if key:
-        force = fitted.coefficient()
-        more = "more" if force.value > 0.0 else "less"
-        return Reading(
-            f"Friction is {force.words(amount=True)} {more} near standstill than at speed; it has changed {below} "
-            f"({fitted.size_words}).",
-            {key: force} | parameters,
-        )
-    return Reading(
-        f"A friction that falls with speed, felt {below}, pushes the axis aside where it starts and turns: "
-        f"{fitted.size_words}.",
-        fitted.size | parameters,
-    )
+        more = f"{force.words(amount=True)} {'more' if force.value > 0.0 else 'less'}"
+        text = f"Friction is {more} near standstill than at speed; it has changed {below}"
+    parameters = {key: force} if key else fitted.size
+    return Reading(f"{text} ({fitted.size_words}).", parameters | {"stribeck_speed_m_per_s": speed})
 
 
 EFFECT = Effect(**words_of("drive.stribeck"), variants=_variants, testable=_testable, reading=_reading)

@@ -26,14 +26,12 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     what = _WITH[int(fitted.variant.shape["law"].value)]
+    parameters, text = fitted.size, f"A friction per speed that changes with {what} shifts the axis"
     if is_force(fitted, comparison):
-        slope = fitted.coefficient(f"{fitted.unit}*s/m")
+        parameters = {"change": fitted.coefficient(f"{fitted.unit}*s/m")}
         where = "from the middle of the way to its end" if "position" in what else "up to the largest acceleration"
-        return Reading(
-            f"Friction per speed changes with {what}, by {slope.words()} {where} ({fitted.size_words}).",
-            {"change": slope},
-        )
-    return Reading(f"A friction per speed that changes with {what} shifts the axis: {fitted.size_words}.", fitted.size)
+        text = f"Friction per speed changes with {what}, by {parameters['change'].words()} {where}"
+    return Reading(f"{text} ({fitted.size_words}).", parameters)
 
 
 EFFECT = Effect(

@@ -24,18 +24,12 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     exponent = fitted.variant.shape["exponent"]
     law = "in proportion to speed" if exponent.value == 1.0 else f"with speed to the power {exponent.value:g}"
+    parameters, text = fitted.size, f"A friction that grows {law} and is not in the simulation shifts the axis"
     if is_force(fitted, comparison):
         slope = fitted.coefficient(f"{fitted.unit}*s/m")
-        less = "more" if slope.value > 0.0 else "less"
-        return Reading(
-            f"Friction that grows {law} is {slope.words(amount=True)} {less} than in the simulation "
-            f"({fitted.size_words}).",
-            {"coefficient": slope, "exponent": exponent},
-        )
-    return Reading(
-        f"A friction that grows {law} and is not in the simulation shifts the axis: {fitted.size_words}.",
-        fitted.size | {"exponent": exponent},
-    )
+        less = f"{slope.words(amount=True)} {'more' if slope.value > 0.0 else 'less'}"
+        parameters, text = {"coefficient": slope}, f"Friction that grows {law} is {less} than in the simulation"
+    return Reading(f"{text} ({fitted.size_words}).", parameters | {"exponent": exponent})
 
 
 EFFECT = Effect(**words_of("drive.viscous"), variants=_variants, testable=responds, reading=_reading, absorbs=True)
