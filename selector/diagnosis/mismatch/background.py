@@ -17,14 +17,12 @@ LONGEST_NOISE_PERIOD = 45.0  #: Samples: slower than this is judged against the 
 _SHORTEST_FITTED = 6.5  #: Samples: periods from here to the longest decide how much memory the noise has.
 #: Cycles per sample: below the first the noise has the memory that was fitted, above the second any smooth spectrum.
 _FREE = (0.03, 0.045)
-_MEMORY = (0.0, 0.3, 0.5, 0.6, 0.7, 0.75, 0.8, 0.83, 0.86, 0.88)
-_WHITE = (0.0, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8, 1.5, 3.0)
+_SHORT = 8.0  #: Samples: the longest memory of noise beside which all that is slower stands out.
 _BAND = 1.05  #: Frequencies whose ratio is below this are one band where the noise that wanders is fitted.
 _STEPS = 60
 _ROUNDS = 3
 _CLIPPED = 6.0
 _OCTAVE_PART = 1.15
-_MARGIN = 1.0  #: Logarithm of the likelihood that a shape may be short of the best.
 _UNTOLD = 12  #: First samples of a run, whose past is not known.
 _SHORTEST_RUN = 48
 
@@ -146,11 +144,8 @@ def background(of: Spectrum, *, wanders: bool = True) -> Background:
     smooth = _smooth(frequency, np.minimum(power, 4.0 * smooth), frequency)
     longest = 1.0 / max(float(frequency[0]), 1e-9)
     grid = np.linspace(0.0, 0.5, 1 + 2 ** max(9, int(np.ceil(np.log2(longest)))))
-    if wanders:
-        weights, memories = wandering(of)
-        slow = weights @ _memories(memories, grid)
-    else:
-        slow = _remembered(frequency, np.minimum(power, _CLIPPED * smooth), grid)
+    weights, memories = wandering(of) if wanders else wandering(of, longest=_SHORT, slowest=LONGEST_NOISE_PERIOD)
+    slow = weights @ _memories(memories, grid)
     free = np.clip((grid - _FREE[0]) / (_FREE[1] - _FREE[0]), 0.0, 1.0)
     measured = _smooth(frequency, np.minimum(power, 4.0 * smooth), grid)
     floor = 1e-6 * np.maximum(measured.mean(axis=1, keepdims=True), 1e-300)
@@ -158,8 +153,10 @@ def background(of: Spectrum, *, wanders: bool = True) -> Background:
     return Background(np.exp(logs))
 
 
-def wandering(of: Spectrum) -> tuple[Matrix, Vector]:
+def wandering(of: Spectrum, *, longest: float = np.inf, slowest: float = np.inf) -> tuple[Matrix, Vector]:
     """(variance of every part, its memory [samples]): noise as a sum of white (memory 0) and first-order wanderings.
+
+    Of memories up to the `longest`, by periods up to the `slowest` [samples], where there are enough.
 
     Shapes (n_sets, n_parts), (n_parts,). The likeliest variances (Whittle 1953) by multiplicative updates that never
     lower the likelihood (Itakura–Saito divergence; C. Févotte, J. Idier, Neural Computation 23, 2011). Lines are
@@ -167,12 +164,12 @@ def wandering(of: Spectrum) -> tuple[Matrix, Vector]:
     """
     order = np.argsort(of.frequency, kind="stable")
     frequency, power = of.frequency[order], np.abs(of.amplitudes[:, order]) ** 2
-    fitted = frequency <= 1.0 / _SHORTEST_FITTED
-    if fitted.sum() < 12:
-        fitted = frequency > 0.0
+    known = frequency >= 1.0 / slowest
+    fitted = known & (frequency <= 1.0 / _SHORTEST_FITTED)
+    fitted = fitted if fitted.sum() >= 12 else known
     frequency, power = frequency[fitted], power[:, fitted]
-    longest = max(1, int(np.ceil(np.log2(1.0 / float(frequency[0])))))
-    memories = np.concatenate([[0.0], 2.0 ** np.arange(longest + 1)])
+    most = max(1, int(np.ceil(np.log2(min(1.0 / float(frequency[0]), longest)))))
+    memories = np.concatenate([[0.0], 2.0 ** np.arange(most + 1)])
     parts = _memories(memories, frequency)
     edges = np.flatnonzero(np.diff(np.floor(np.log(frequency) / np.log(_BAND)), prepend=-np.inf))
     count = np.diff([*edges, len(frequency)])
@@ -192,28 +189,6 @@ def _memories(samples: Vector, frequency: Vector) -> Matrix:
     """Spectra of variance 1 that forget within so many samples, shape (n_parts, n_frequencies)."""
     kept = np.where(samples > 0.0, np.exp(-1.0 / np.maximum(samples, 1e-9)), 0.0)[:, None]
     return np.asarray((1.0 - kept**2) / np.abs(1.0 - kept * np.exp(-2j * np.pi * frequency)) ** 2)
-
-
-def _remembered(frequency: Vector, power: Matrix, grid: Vector) -> Matrix:
-    """σ²·((1 − φ)²/|1 − φ·e^(−iω)|² + w) at the frequencies of `grid`, the φ and w of a grid that are likeliest."""
-    fitted = (frequency >= 1.0 / LONGEST_NOISE_PERIOD) & (frequency <= 1.0 / _SHORTEST_FITTED)
-    if fitted.sum() < 12:
-        fitted = frequency >= 1.0 / LONGEST_NOISE_PERIOD
-    shapes = _shapes(frequency[fitted])
-    level = power[:, fitted] @ (1.0 / shapes).T / max(int(fitted.sum()), 1)
-    likely = fitted.sum() * np.log(np.maximum(level, 1e-300)) + np.log(shapes).sum(axis=1)
-    # Of the shapes that are about as likely the one with most power at long scales: what it leaves over is structure.
-    plateau = level * _shapes(np.zeros(1))[:, 0]
-    best = np.argmax(np.where(likely <= likely.min(axis=1, keepdims=True) + _MARGIN, plateau, 0.0), axis=1)
-    return np.asarray(_shapes(grid)[best] * np.take_along_axis(level, best[:, None], axis=1))
-
-
-def _shapes(frequency: Vector) -> Matrix:
-    """Spectra of short memory and a white part, shape (n_shapes, n_frequencies)."""
-    turned = np.exp(-2j * np.pi * frequency)
-    red = [(1.0 - memory) ** 2 / np.abs(1.0 - memory * turned) ** 2 for memory in _MEMORY]
-    flat = np.ones((1, len(frequency)))
-    return np.concatenate([flat, *(np.array(red[1:]) + white for white in _WHITE)])
 
 
 def _smooth(frequency: Vector, power: Matrix, at: Vector) -> Matrix:

@@ -339,8 +339,9 @@ def unexplained(
     for one, other in combinations(stacks, 2):
         both = seen_in_both(rows[one], rows[other])
         if any(len(here) for here in both):
-            spectra = (_white_spectrum(stacks[name], both, noises[name]) for name in (one, other))
-            pair = in_common(*spectra, wanders=wanders)
+            spectra = [(spectrum(stacks[name], both), noises[name]) for name in (one, other)]
+            white = (replace(of, amplitudes=of.amplitudes / np.sqrt(n.density(of.frequency))) for of, n in spectra)
+            pair = in_common(*white, wanders=wanders)
             found.append((max((one, other), key=lambda name: _contrast(stacks[name][0])), pair))
     if not found:
         return ()
@@ -386,11 +387,6 @@ def _tests_of(
     even = of_one_size(white, rows, states)
     tests += [*by_state(clipped, rows, states), *burst(even, rows)]
     return [*tests, *spells(stack, even, rows)], noise
-
-
-def _white_spectrum(stack: Matrix, rows: Sequence[NDArray[np.intp]], noise: Background) -> Spectrum:
-    of = spectrum(stack, rows)
-    return Spectrum(of.frequency, of.run, of.amplitudes / np.sqrt(noise.density(of.frequency)))
 
 
 def _contrast(residual: Vector) -> float:
