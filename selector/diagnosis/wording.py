@@ -91,6 +91,12 @@ def what_to_do(found: Diagnosis) -> tuple[str, ...]:
         names = listed([name_of(effect.id) for effect in put])
         steps.append(f"Put {names} into the simulation, with the numbers below.")
     steps += [_STEPS[found.verdict]] if found.verdict in _STEPS else []
+    fitted = [run for run, rows in found.comparison.rows_of_runs() if not found.comparison.held_out[rows].all()]
+    if found.verdict == "unexplained" and len(fitted) == 1 < len(found.comparison.runs):
+        steps.append(
+            f"Only {fitted[0]} was fitted, which may be too little to name anything: ask again with --holdout 0.3, "
+            "which fits the first 70 % of every run and keeps the ends for the proof."
+        )
     for run in [run for run in found.next_runs if run.power is not None][:1]:
         pair, chance = listed([name_of(id_) for id_ in run.separates], "from"), 100.0 * (run.power or 0.0)
         steps.append(f"Next run, {chance:.0f} % likely to tell {pair}: {_sentence(run.description)}")

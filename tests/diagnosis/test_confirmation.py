@@ -216,6 +216,20 @@ def test_unseen_rows_that_are_ten_times_as_far_off_contradict_the_fitted_ones(of
     assert bool(contradicted(bench, again)) == is_told
 
 
+@pytest.mark.parametrize(("there", "waves", "is_told"), [(0.5, 2.5, True), (1.0, 2.5, False), (1.0, 0.0, False)])
+def test_a_calibration_of_the_fitted_runs_that_gains_nothing_in_the_unseen_one_is_told(there, waves, is_told):
+    """The gain is off by as much as the fitted runs say, or by half of that; beside it something waves, or nothing."""
+    made = comparison({"Z": np.zeros(N)})
+    unseen, heat = made.held_out, made.simulated["Z"]
+    off = 6.0 * heat / np.std(heat) * np.where(unseen, there, 1.0)
+    course = off + waves * np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(N) / 170.0)
+    noise = 0.5 * np.random.default_rng(8).standard_normal(N)
+    bench = bench_of(comparison({"Z": course + noise}), "Z", EFFECTS)[0]
+    again = recalibrated(bench, [], noise[bench.rows], "um", seed=0)
+    assert again.share > 0.7
+    assert bool(contradicted(bench, again)) == is_told
+
+
 def test_a_frozen_reading_is_one_although_another_one_stands_in_the_unseen_run():
     made = comparison({"Z": 0.05 * np.random.default_rng(4).standard_normal(N)}, resolution=0.1)
     recorded = made.recorded["Z"].copy()

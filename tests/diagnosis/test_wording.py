@@ -141,6 +141,16 @@ def test_the_unexplained_has_place_time_and_size_but_no_name():
     assert not any(name_of(effect.id) in text for effect in catalogue())
 
 
+def test_another_part_to_hold_out_is_named_where_only_one_run_was_fitted():
+    found = answer("unexplained")
+    runs = found.comparison.run_index
+    assert not any("--holdout" in step for step in what_to_do(found))
+    one_fitted = replace(found, comparison=replace(found.comparison, held_out=runs > 0))
+    assert sum("Only r1 was fitted" in step and "--holdout 0.3" in step for step in what_to_do(one_fitted)) == 1
+    shared = replace(found, comparison=replace(found.comparison, held_out=np.arange(len(runs)) % 300 > 200))
+    assert not any("--holdout" in step for step in what_to_do(shared))
+
+
 def test_what_explains_half_but_is_not_borne_out_is_told_with_the_verdict():
     found = answer("unexplained")
     courses = {"Z": np.zeros(len(found.comparison.time_s))}

@@ -78,20 +78,25 @@ def recalibrated(bench: Bench, named: list[int], noise: Vector, unit: str, *, se
 #: other; how sure the recalibration of the fitted ones has to be.
 _UNLIKE, _SURELY_OTHER = 3.0, 1e-6
 _FAR = 5.0  #: Times what is left of the fitted rows: what unseen rows are off by that is no noise.
+#: Times the changes from sample to sample: an unseen error that is no noise; share of it that has to go, of whatever
+#: takes half of the fitted mismatch.
+_NO_NOISE, _LEAST_FALL = 4.0, 0.1
 
 
 def contradicted(bench: Bench, again: Recalibrated) -> float:
     """By how much unseen rows are off that are far more so than fitted ones, as they are and as these calibrate them.
 
-    Or that were right and are far off once they are calibrated; 0 of others.
+    Or that were right and are far off once they are calibrated, or that are far off by what is no noise and gain
+    nothing by a calibration that most of the fitted mismatch asks for; 0 of others.
     """
     left = bench.residual([])
     held = np.isfinite(left) & ~bench.fitted
     if not held.any():
         return 0.0
     after, before, fitted = rms(left[held]), rms(bench.given[held]), rms(left[bench.fitted])
-    is_other = again.p_value < _SURELY_OTHER and after > _UNLIKE * max(before, fitted)
-    return after if is_other or min(after, before) > _FAR * fitted else 0.0
+    is_other = after > _UNLIKE * max(before, fitted)
+    is_other |= again.share > 0.5 and after > max((1.0 - _LEAST_FALL) * before, _NO_NOISE * bench.quick(left))
+    return after if (is_other and again.p_value < _SURELY_OTHER) or min(after, before) > _FAR * fitted else 0.0
 
 
 _FORCES = ("force", "current", "voltage")
