@@ -313,12 +313,12 @@ def _unexplained(found: Diagnosis) -> str:
     text += f": {place_words(first)}"
     if len(same) > 1:
         text += f" and {len(same) - 1} other window{'s' if len(same) > 2 else ''}"
-    size = _size_in(found.comparison, first.channel, same)
+    size = _structured_in(found, first.channel, same)
     if size > 0.0:
         unit = found.comparison.channel(first.channel).unit
         moved = float(np.nanstd(found.comparison.recorded[first.channel]))
         part = f", {number_text(100.0 * size / moved, 2)} % of how far {first.channel} moves" if moved > 0.0 else ""
-        text += f", where recording and simulation differ by {amount(size, unit)} rms{part}"
+        text += f", where recording and simulation differ by {amount(size, unit)} rms beside noise{part}"
     sentences = [f"{text}."]
     if any(one.id == UNRECORDED_SWITCH for one in found.findings):
         sentences.append("It comes and goes as by a switch that nobody recorded: see the findings.")
@@ -332,8 +332,9 @@ def _unexplained(found: Diagnosis) -> str:
     return " ".join(sentences)
 
 
-def _size_in(comparison: Comparison, channel: str, places: Sequence[Place]) -> float:
-    """Root mean square of the difference in these windows, its usual offset taken off."""
+def _structured_in(found: Diagnosis, channel: str, places: Sequence[Place]) -> float:
+    """Root mean square of the difference in these windows, its usual offset and the power of the noise taken off."""
+    comparison = found.comparison
     difference, time = comparison.difference(channel), comparison.time_s
     inside = np.zeros(len(difference), dtype=np.bool_)
     for place in places:
@@ -343,7 +344,9 @@ def _size_in(comparison: Comparison, channel: str, places: Sequence[Place]) -> f
     inside &= np.isfinite(difference)
     if not inside.any():
         return 0.0
-    return float(np.sqrt(np.mean((difference[inside] - np.nanmedian(difference)) ** 2)))
+    noise = found.fit[channel].heldout.noise_floor if channel in found.fit else None
+    power = float(np.mean((difference[inside] - np.nanmedian(difference)) ** 2))
+    return float(np.sqrt(max(power - (noise or 0.0) ** 2, 0.0)))
 
 
 def _inside(text: str, comparison: Comparison | None = None) -> str:

@@ -461,6 +461,7 @@ def _judged(state: _State) -> _State:
 def _fitted(state: _State) -> _State:
     """What the improved model gains in every response; effects that make the unseen error larger are doubted."""
     found, is_improved = state.search, state.verdict not in ("nothing-missing", "unexplained")
+    beside = {} if state.effects else {one.channel: one.noise for one in state.structures}
     fit = {
         name: fit_of(
             state.comparison,
@@ -469,6 +470,7 @@ def _fitted(state: _State) -> _State:
             recalibrate=is_improved or state.again[name].matters,
             seed=state.asked.seed,
             is_noise=found.misfit[name] == 1.0 and name not in state.switches,
+            most_noise=beside.get(name, np.inf),
         )
         for name, bench in found.benches.items()
     }

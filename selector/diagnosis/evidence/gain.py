@@ -20,19 +20,20 @@ _FAR = 1.2  #: Times the noise: unseen errors from which on there is a way to go
 
 
 def fit_of(
-    comparison: Comparison, bench: Bench, named: Sequence[int], *, recalibrate: bool, seed: int, is_noise: bool = True
-) -> Fit:
+    comparison: Comparison, bench: Bench, named: Sequence[int], *, recalibrate: bool, seed: int, is_noise: bool = True,
+    most_noise: float = np.inf,
+) -> Fit:  # fmt: skip
     """Errors of the simulation as given, recalibrated, and with the named candidates, in one response.
 
-    `is_noise`: whether what is left in the fitted rows is no more than noise. With `recalibrate` off and nothing named
-    the improved model is the simulation as it was.
+    `is_noise`: whether what is left in the fitted rows is no more than noise, which is `most_noise` at most. With
+    `recalibrate` off and nothing named the improved model is the simulation as it was.
     """
     simulated, target = comparison.simulated[bench.response], bench.target
     recalibrated = recalibration(bench)
     explained = bench.explained(named) if named or recalibrate else np.zeros(len(target))
     held = np.isfinite(target) & comparison.held_out
     before, middle, after = target, target - recalibrated, target - explained
-    floor = _unseen_floor(comparison, bench, named, after[held], is_noise=is_noise)
+    floor = float(np.fmin(_unseen_floor(comparison, bench, named, after[held], is_noise=is_noise), most_noise))
     return Fit(
         unit=comparison.channel(bench.response).unit,
         train=Errors(rms(before[bench.fitted]), rms(after[bench.fitted])),

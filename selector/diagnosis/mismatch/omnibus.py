@@ -288,6 +288,7 @@ class Structure:
     size: float  #: Root mean square of what exceeds noise of short memory [unit of the response]
     unit: str
     p_value: float  #: Adjusted for all tests on all responses
+    noise: float = float("nan")  #: Standard deviation of that noise [unit]; NaN of what was not found beside it
 
     @property
     def band_words(self) -> str | None:
@@ -423,6 +424,7 @@ def _structure(
         size=float(np.sqrt(max(float(np.mean(seen**2)) - spread**2, 0.0))),
         unit=comparison.channel(response).unit,
         p_value=p_value,
+        noise=spread,
     )
 
 
