@@ -51,7 +51,7 @@ from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, is_slow_in_one_run, numbers, search
 from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
-from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record, told_of_wandering, unexplained
+from selector.diagnosis.mismatch.omnibus import Structure, comes_again, of_whole_record, told_of_wandering, unexplained
 from selector.diagnosis.mismatch.switching import Switched, gain_beside, places, switched, told_of_switches
 from selector.diagnosis.next_run.experiments import next_runs
 from selector.diagnosis.shapes.input_faults import InputFault, input_faults, told_of_inputs
@@ -311,7 +311,8 @@ def _looked_at_what_is_left(state: _State) -> _State:
     residuals, white = _left(comparison, found, only_fitted=only_fitted)
     seen = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
     little = {name for name in found.benches if is_little_in_one_run(comparison, found, name)}
-    of_size = [one for one in seen if one.channel not in little]
+    left = {name: bench.residual(numbers(found.named, name)) for name, bench in found.benches.items()}
+    of_size = [one for one in seen if one.channel not in little and comes_again(comparison, left[one.channel], one)]
     structures = [one for one in of_size if not is_small(comparison, found, one.channel, one.size)]
     small = {one.channel for one in seen} - {one.channel for one in structures}
     if not found.named:

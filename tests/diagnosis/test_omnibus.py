@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from selector.diagnosis.mismatch.omnibus import unexplained
+from selector.diagnosis.mismatch.omnibus import comes_again, unexplained
 from tests.diagnosis.made import coloured, comparison, door, residuals
 
 N = 400
@@ -124,3 +124,32 @@ def test_nothing_is_found_where_simulation_and_recording_are_the_same():
 def test_the_same_seed_gives_the_same_answer():
     course = np.concatenate([door(N, ((100, 180),))] * 3)
     assert found_in(noisy(course), seed=5) == found_in(noisy(course), seed=5)
+
+
+def waves(periods, amplitude, seed):
+    """Three runs of white noise, each with sines of its own periods [samples]."""
+    rng, time = np.random.default_rng(seed), np.arange(N)
+    parts = [np.sum([np.sin(2 * np.pi * (time / p + rng.uniform())) for p in of], axis=0) for of in periods]
+    return rng.standard_normal(3 * N) + amplitude * np.concatenate(parts)
+
+
+@pytest.mark.parametrize(
+    ("periods", "amplitude", "stays"),
+    [
+        (((57.0, 48.0), (66.0, 52.0), (110.0, 140.0)), 0.5, False),
+        (((57.0, 48.0), (57.0, 48.0), (57.0, 48.0)), 0.5, True),
+        (((57.0, 48.0), (66.0, 52.0), (110.0, 140.0)), 2.0, True),
+    ],
+    ids=["of every run its own", "the same in all", "of every run its own, and large"],
+)
+def test_little_structure_of_frequencies_counts_where_it_comes_again(periods, amplitude, stays):
+    counted = seen = 0
+    for seed in range(6):
+        of = comparison({"Z": waves(periods, amplitude, seed)})
+        left, white = residuals(of)
+        found = unexplained(of, left, white, seed=0, false_alarm=0.02)
+        seen += bool(found)
+        counted += any(comes_again(of, left["Z"], one) for one in found if one.kind in ("slow", "line", "cycle"))
+    # noise has one of three lines again in at most 3 % of records: 2 of 6 in 1.2 %
+    assert seen >= 5
+    assert counted == 6 if stays else counted < 2

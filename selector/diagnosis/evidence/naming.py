@@ -510,6 +510,8 @@ def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) 
             why = "less than a step of the readings"
         elif share >= _LITTLE and is_little_in_one_run(comparison, found, name):
             why += ", and one run alone does not tell it from noise that wanders"
+        elif not (is_small(comparison, found, name) or is_recalibrated(found, name)):
+            why = "little beside it, and another in unseen rows"
         said = f"What recalibration leaves of {name} is no noise, but {why}: too little to be called missing physics."
         evidence = {"share_of_movement": share, "times_noise": found.misfit[name]}
         told.append(FINDINGS.finding(SMALL_MISFIT, said, Where(channel=name), evidence))

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.stats import gamma, norm
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.finding_table import FINDINGS
@@ -426,6 +426,42 @@ def _structure(
         p_value=p_value,
         noise=spread,
     )
+
+
+#: Share of the mean square below which structure is little beside the noise; lines that are asked for again, and the
+#: probability that noise has one of them as well.
+_LITTLE, _LINES, _BY_CHANCE = 0.25, 3, 0.01
+
+
+def comes_again(comparison: Comparison, residual: Vector, of: Structure) -> bool:
+    """Whether structure is more than a little beside noise, or is in unseen rows as well, at the same frequencies.
+
+    What wanders in every run in its own way has lines, too, and no cause that a channel or another run would show. Only
+    what is of frequencies alone, and slow, is asked that: how large it is beside noise is not known of what is quick.
+    `residual` (n_rows,) is that of its response [its unit], NaN where missing.
+    """
+    is_slow = of.frequency_hz is not None and of.frequency_hz[0] * comparison.period_s < 1.0 / LONGEST_NOISE_PERIOD
+    is_asked = is_slow and of.kind in ("slow", "line", "cycle")
+    if not is_asked or of.size**2 >= _LITTLE * (of.size**2 + of.noise**2):
+        return True
+    parts = []
+    for looked in (~comparison.held_out, comparison.held_out):
+        rows = seen_rows(comparison, np.where(looked, residual, np.nan))
+        if not any(len(here) for here in rows):
+            return True
+        bins = spectrum(np.nan_to_num(residual)[None, :], rows)
+        order = np.argsort(bins.frequency)
+        ratio = np.abs(bins.amplitudes) ** 2 / background(bins).density(bins.frequency)
+        parts.append((bins.frequency[order], _running(ratio[:, order])[0], max(len(here) for here in rows)))
+    width = 1.01 / min(length for _, _, length in parts)
+
+    def p_values(at: Vector, frequency: Vector, sums: Vector) -> Vector:
+        first, last = (np.searchsorted(frequency, at + side * width) for side in (-1.0, 1.0))
+        return np.where(last > first, gamma.sf(sums[last] - sums[first], np.maximum(last - first, 1)), 1.0)
+
+    (frequency, sums, _), (other, sums_there, _) = parts
+    lines = frequency[np.argsort(p_values(frequency, frequency, sums))[:_LINES]]
+    return bool(np.min(p_values(lines, other, sums_there)) < _BY_CHANCE)
 
 
 _SLOW = 12.0  #: Samples of memory from which noise is said to wander.
