@@ -23,6 +23,7 @@ from selector.diagnosis.evidence.confirmation import (
     left_unseen,
     not_ruinous,
     only_cancels,
+    only_where_carried,
     surely_refuted,
 )
 from selector.diagnosis.evidence.detectability import detectability
@@ -441,9 +442,13 @@ def _recalibration_holds(bench: Bench) -> bool:
 def _judged(state: _State) -> _State:
     """The largest effect first, nothing else in the fit, and the verdict."""
     told = (or_parameters(state.comparison, state.search, effect) for effect in state.effects)
+    told = (only_where_carried(effect, state.search) if effect.id in state.search.named else effect for effect in told)
     effects = tuple(sorted(told, key=lambda effect: -effect.share))
-    found = state.search.only({effect.id for effect in effects})
-    if len(found.named) < len(state.search.named):
+    shown = {effect.id: effect.courses for effect in effects}
+    found = state.search.only(set(shown))
+    named = {id_: {name: v for name, v in of.items() if name in shown[id_]} for id_, of in found.named.items()}
+    found = replace(found, named=named)
+    if found.named != state.search.named:
         # beside what is no name after all an offset may have come out anywhere
         state = _recalibrated(replace(state, search=found))
     if not effects and not state.structures:

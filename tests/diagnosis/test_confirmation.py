@@ -10,7 +10,13 @@ from scipy.signal import lfilter
 
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.evidence.confirmation import confirmation, confirmed, not_ruinous, only_cancels
+from selector.diagnosis.evidence.confirmation import (
+    confirmation,
+    confirmed,
+    not_ruinous,
+    only_cancels,
+    only_where_carried,
+)
 from selector.diagnosis.evidence.naming import as_carried, named_effect, or_parameters
 from selector.diagnosis.evidence.recalibration import contradicted, recalibrated
 from selector.diagnosis.evidence.response import bench_of
@@ -214,6 +220,19 @@ def test_unseen_rows_that_are_ten_times_as_far_off_contradict_the_fitted_ones(of
     again = recalibrated(bench, [], noise[bench.fitted], "um", seed=0)
     assert again.p_value > 0.01
     assert bool(contradicted(bench, again)) == is_told
+
+
+@pytest.mark.parametrize(("unseen", "is_seen"), [(1.0, True), (0.3, False)])
+def test_physics_is_seen_only_where_unseen_rows_gain_by_it(slow, unseen, is_seen):
+    noise = np.random.default_rng(5).standard_normal((2, N))
+    course = 8.0 * slow / np.std(slow)
+    made = comparison({"Z": noise[0] + course, "Y": noise[1] + np.repeat([1.0, 1.0, unseen], N // 3) * course})
+    result = search({name: bench_of(made, name, EFFECTS)[0] for name in ("Z", "Y")}, false_alarm=0.02, seed=0)
+    effect = replace(named_effect(made, result, "thermal.memory"), channel="Z")
+    assert set(effect.channels) == set(effect.courses) == {"Z", "Y"}
+    kept = only_where_carried(effect, result)
+    assert set(kept.channels) == set(kept.courses) == ({"Z", "Y"} if is_seen else {"Z"})
+    assert only_where_carried(replace(effect, id="data.step"), result).channels == effect.channels
 
 
 @pytest.mark.parametrize(("there", "waves", "is_told"), [(0.5, 2.5, True), (1.0, 2.5, False), (1.0, 0.0, False)])

@@ -119,11 +119,27 @@ def only_cancels(effect: NamedEffect, found: Search) -> bool:
     return not effect.id.startswith("data.") and float(np.std(course)) > _CANCELS * rms(bench.target[bench.fitted])
 
 
-def left_unseen(effect: NamedEffect, found: Search) -> float:
-    """Mean square that an effect leaves of the unseen rows, in parts of what is there without it."""
-    bench, named, own = found.benches[effect.channel], numbers(found.named, effect.channel), found.named[effect.id]
-    before = unseen_rms(bench, [v for v in named if v != own[effect.channel]])
+def left_unseen(effect: NamedEffect, found: Search, response: str | None = None) -> float:
+    """Mean square that an effect leaves of unseen rows of a response, its main one, in parts of that without it."""
+    name = response or effect.channel
+    bench, named, own = found.benches[name], numbers(found.named, name), found.named[effect.id]
+    before = unseen_rms(bench, [v for v in named if v != own[name]])
     return (unseen_rms(bench, named) / max(before, 1e-300)) ** 2
+
+
+def only_where_carried(effect: NamedEffect, found: Search) -> NamedEffect:
+    """Physics only in its main response and where unseen rows gain by it; a fault may be one of the fitted runs."""
+    lost = set[str]()
+    for name in () if effect.id.startswith("data.") else effect.courses:
+        bench = found.benches[name]
+        held = np.isfinite(bench.target) & ~bench.fitted
+        if name != effect.channel and held.any():
+            is_there = bool(np.any(effect.courses[name][held]))
+            lost |= set() if is_there and left_unseen(effect, found, name) < 1.0 else {name}
+    if not lost:
+        return effect
+    courses = {name: course for name, course in effect.courses.items() if name not in lost}
+    return replace(effect, courses=courses, channels=tuple(name for name in effect.channels if name not in lost))
 
 
 def as_unseen_rows_have_it(found: Search) -> Search:
