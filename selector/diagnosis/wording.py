@@ -20,6 +20,7 @@ _STEPS = {
     "would let it be named.",
 }
 _LEAST_FALL = 0.02
+_OFF_CLOCK = 2.0  #: Samples that a clock may be off by.
 _NEAR = 0.5  #: Share of the mismatch from which what is not borne out is told with the verdict.
 _SURE = 0.9  #: Confidence from which a fault of the data is no fault of the simulation.
 
@@ -27,7 +28,7 @@ _SURE = 0.9  #: Confidence from which a fault of the data is no fault of the sim
 def headline(found: Diagnosis) -> str:
     """The answer in one or two sentences: verdict, what, where, how sure, and what it is worth."""
     if found.verdict == "miscalibrated":
-        return " ".join([_miscalibrated(found), *_turned(found), *_wandering(found)])
+        return " ".join([_miscalibrated(found), *_turned(found), *_advanced(found), *_wandering(found)])
     if found.verdict == "nothing-missing":
         return " ".join([_nothing(found), *_wandering(found)])
     if found.verdict == "unexplained" or not found.effects:
@@ -43,7 +44,7 @@ def headline(found: Diagnosis) -> str:
     if faults:
         also = "The recording is at fault too" if not is_data(first.id) else "Also at fault"
         sentences.append(f"{also}: {listed(list(dict.fromkeys(_short(effect) for effect in faults)))}.")
-    return " ".join([*sentences, *_turned(found)])
+    return " ".join([*sentences, *_turned(found), *_advanced(found)])
 
 
 def _wandering(found: Diagnosis) -> list[str]:
@@ -70,6 +71,17 @@ def _turned(found: Diagnosis) -> Iterator[str]:
         goes_against = recorded.cov(simulated) < 0.0
         if goes_against and gain is not None and gain.high is not None and gain.value < 0.0 > gain.high:
             yield f"{response} is simulated with the opposite sign: its gain should be {number_text(gain.value)}."
+
+
+def _advanced(found: Diagnosis) -> Iterator[str]:
+    """Responses that the fit has to advance, by more than a clock is off: no effect comes before its cause."""
+    for response in found.fit:
+        delay = recalibration_of(found.recalibration.get(response, {})).get("delay")
+        if delay is not None and delay.high is not None and delay.high < -_OFF_CLOCK * found.comparison.period_s:
+            yield (
+                f"{response} comes {delay.words(amount=True)} later in the simulation than in the recording: its clock "
+                "or a time constant is off, or it lacks what the machine does at once, as growth with speed."
+            )
 
 
 def what_to_do(found: Diagnosis) -> tuple[str, ...]:

@@ -163,6 +163,20 @@ def test_another_part_to_hold_out_is_named_where_only_one_run_was_fitted():
     assert not any("--holdout" in step for step in what_to_do(shared))
 
 
+@pytest.mark.parametrize(
+    ("delay", "error", "gain", "is_told"),
+    [(-106.0, 9.0, 1.0, True), (106.0, 9.0, 1.0, False), (-65.0, 9.0, 1.0, False), (-106.0, 80.0, 1.0, False),
+     (106.0, 9.0, -1.0, True)],
+    ids=["late", "early", "as much as a clock", "not sure", "late and of the other sign"],
+)  # fmt: skip
+@pytest.mark.parametrize("verdict", ["missing-physics", "miscalibrated"])
+def test_a_simulation_that_has_to_be_advanced_is_told(delay, error, gain, is_told, verdict):
+    """By more than two samples of 30 s; the fit adds a delay to the course as it was simulated."""
+    fitted = {"delay": Quantity(delay, "s", delay - error, delay + error), "gain": Quantity(gain, "1", gain, gain)}
+    text = headline(answer(verdict, recalibration={"Z": fitted}))
+    assert ("Z comes 106 s (97.0 to 115) later in the simulation" in text) == is_told
+
+
 def test_what_explains_half_but_is_not_borne_out_is_told_with_the_verdict():
     found = answer("unexplained")
     courses = {"Z": np.zeros(len(found.comparison.time_s))}
