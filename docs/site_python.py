@@ -20,7 +20,7 @@ PARTS = {
         "physics.thermal.network.laws physics.thermal.network.heat_system"
         " physics.thermal.network.transient physics.thermal.field physics.thermal.modes.thermal_test"
         " physics.thermal.modes.modes physics.thermal.modes.choice physics.thermal.modes.cyclogram"
-        " physics.thermal.prediction.characteristics physics.thermal.prediction.piecewise"
+        " physics.thermal.prediction.piecewise"
         " physics.thermal.prediction.prediction physics.thermal.prediction.correction_program"
         " physics.thermal.model_file physics.thermal.thermal_model",
     ),
