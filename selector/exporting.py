@@ -193,12 +193,17 @@ def _with_limits(model: ModelFile, target: Target, options: ExportOptions) -> Mo
         ("--clamp", "clamp_um", options.clamp_um),
         ("--slew", "slew_um_per_s", options.slew_um_per_s),
     ):
+        of_output: dict[str, str] = {}
         for name, given in values.items():
             if not target.has_guard:
                 expected = f"no limits: {target.title} has neither a clamp nor a slew limit"
                 advice = "leave the option out, and limit the temperature that the control passes on"
                 raise OptionError(f"{option} {name}={given}", expected=expected, where=option, advice=advice)
             of = named_output(model, name, option)
+            if of in of_output:
+                expected, advice = f"one value for {of}", "keep one of them"
+                raise OptionError(f"{of_output[of]!r} and {name!r}", expected=expected, where=option, advice=advice)
+            of_output[of] = name
             limits = found.get(of, OutputLimits(output=of))
             found[of] = limits.model_copy(update={limit: _limit(given, option, name)})
     limits_of = tuple(found[output.name] for output in model.outputs if output.name in found)

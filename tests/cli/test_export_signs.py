@@ -175,3 +175,6 @@ def test_limits_and_sign_may_be_those_of_an_axis(tmp_path, capsys):
     assert limits["Verlagerung Z"] == (40.0, 0.5)
     assert [is_turned(output) for output in made.outputs] == [of.axis == "Z" for of in made.outputs]
     assert "one of Verlagerung Z, Verlagerung Y" in refused(capsys, *asked, "--slew", "X=1")
+    # which of the two was meant for the axis nobody knows
+    twice = refused(capsys, *asked, "--slew", "Z=1", "--slew", "Verlagerung Z=2")
+    assert "'Z' and 'Verlagerung Z'" in twice
