@@ -325,12 +325,13 @@ def _unexplained(found: Diagnosis) -> str:
     text += f": {place_words(first)}"
     if len(same) > 1:
         text += f" and {len(same) - 1} other window{'s' if len(same) > 2 else ''}"
-    size = _structured_in(found, first.channel, same)
+    size, calibration = _structured_in(found, first.channel, same), _out_of_calibration(found)
     if size > 0.0:
         unit = found.comparison.channel(first.channel).unit
         moved = float(np.nanstd(found.comparison.recorded[first.channel]))
         part = f", {number_text(100.0 * size / moved, 2)} % of how far {first.channel} moves" if moved > 0.0 else ""
-        text += f", where recording and simulation differ by {amount(size, unit)} rms beside noise{part}"
+        calibrated = ", once it is calibrated," if calibration else ""
+        text += f", where recording and simulation{calibrated} differ by {amount(size, unit)} rms beside noise{part}"
     sentences = [f"{text}."]
     if any(one.id == UNRECORDED_SWITCH for one in found.findings):
         sentences.append("It comes and goes as by a switch that nobody recorded: see the findings.")
@@ -338,16 +339,17 @@ def _unexplained(found: Diagnosis) -> str:
     for one in sorted(near, key=lambda one: -one.share)[:1]:
         fitted = f"{name_of(one.id)}, {100.0 * one.share:.0f} % of the fitted mismatch in {one.channel}"
         sentences.append(f"Nearest comes {fitted}, but it did not stand every test: see what was also seen.")
-    if parts := _out_of_calibration(found):
+    if calibration:
         unseen = held_out_words(found.comparison)
-        sentences.append(f"The simulation is also out of calibration: {'; '.join(parts)} on {unseen}.")
+        sentences.append(f"The simulation is also out of calibration: {'; '.join(calibration)} on {unseen}.")
     return " ".join(sentences)
 
 
 def _structured_in(found: Diagnosis, channel: str, places: Sequence[Place]) -> float:
-    """Root mean square of the difference in these windows, its usual offset and the power of the noise taken off."""
-    comparison = found.comparison
-    difference, time = comparison.difference(channel), comparison.time_s
+    """Root mean square of what is left in these windows, its usual offset and the power of the noise taken off."""
+    comparison, fit = found.comparison, found.fit.get(channel)
+    difference = comparison.difference(channel) if fit is None else comparison.recorded[channel] - fit.after
+    time = comparison.time_s
     inside = np.zeros(len(difference), dtype=np.bool_)
     for place in places:
         start, stop = (usual if s is None else s for s, usual in ((place.from_s, -np.inf), (place.to_s, np.inf)))
@@ -356,7 +358,7 @@ def _structured_in(found: Diagnosis, channel: str, places: Sequence[Place]) -> f
     inside &= np.isfinite(difference)
     if not inside.any():
         return 0.0
-    noise = found.fit[channel].heldout.noise_floor if channel in found.fit else None
+    noise = None if fit is None else fit.heldout.noise_floor
     power = float(np.mean((difference[inside] - np.nanmedian(difference)) ** 2))
     return float(np.sqrt(max(power - (noise or 0.0) ** 2, 0.0)))
 
