@@ -325,13 +325,12 @@ def _unexplained(found: Diagnosis) -> str:
     text += f": {place_words(first)}"
     if len(same) > 1:
         text += f" and {len(same) - 1} other window{'s' if len(same) > 2 else ''}"
-    size, calibration = _structured_in(found, first.channel, same), _out_of_calibration(found)
+    size = _structured_in(found, first.channel, same)
     if size > 0.0:
         unit = found.comparison.channel(first.channel).unit
         moved = float(np.nanstd(found.comparison.recorded[first.channel]))
         part = f", {number_text(100.0 * size / moved, 2)} % of how far {first.channel} moves" if moved > 0.0 else ""
-        calibrated = ", once it is calibrated," if calibration else ""
-        text += f", where recording and simulation{calibrated} differ by {amount(size, unit)} rms beside noise{part}"
+        text += f", where {amount(size, unit)} rms beside noise is left{part}"
     sentences = [f"{text}."]
     if any(one.id == UNRECORDED_SWITCH for one in found.findings):
         sentences.append("It comes and goes as by a switch that nobody recorded: see the findings.")
@@ -339,9 +338,9 @@ def _unexplained(found: Diagnosis) -> str:
     for one in sorted(near, key=lambda one: -one.share)[:1]:
         fitted = f"{name_of(one.id)}, {100.0 * one.share:.0f} % of the fitted mismatch in {one.channel}"
         sentences.append(f"Nearest comes {fitted}, but it did not stand every test: see what was also seen.")
-    if calibration:
+    if parts := _out_of_calibration(found):
         unseen = held_out_words(found.comparison)
-        sentences.append(f"The simulation is also out of calibration: {'; '.join(calibration)} on {unseen}.")
+        sentences.append(f"The simulation is also out of calibration: {'; '.join(parts)} on {unseen}.")
     return " ".join(sentences)
 
 
