@@ -308,6 +308,12 @@ def _looked_at_what_is_left(state: _State) -> _State:
     state.say(-1, "what nothing explains")
     asked, comparison, found = state.asked, state.comparison, state.search
     late = held_out_faults(comparison, found, asked.effects, false_alarm=asked.false_alarm, seed=asked.seed)
+    switches = dict(state.switches)
+    for fault in late:
+        # a change that stays is a step of its reading; where more than that comes and goes it is a switch's
+        bench, course = found.benches[fault.channel], fault.courses[fault.channel]
+        if not switched(comparison, bench.response, bench.target - course, bench.raw_base(()), bench.resolution):
+            switches.pop(fault.channel, None)
     only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in found.benches.values())
     residuals, white = _left(comparison, found, only_fitted=only_fitted)
     seen = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
@@ -317,8 +323,9 @@ def _looked_at_what_is_left(state: _State) -> _State:
     structures = [one for one in of_size if not is_small(comparison, found, one.channel, one.size)]
     small = {one.channel for one in seen} - {one.channel for one in structures}
     if not found.named:
-        structures = [*(one.structure(comparison) for one in state.switches.values()), *structures]
-    return replace(state, late=late, residuals=residuals, white=white, structures=structures, small=frozenset(small))
+        structures = [*(one.structure(comparison) for one in switches.values()), *structures]
+    state = replace(state, late=late, switches=switches, residuals=residuals, white=white)
+    return replace(state, structures=structures, small=frozenset(small))
 
 
 def _named(state: _State) -> _State:
@@ -390,8 +397,12 @@ def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> 
 
 
 def _doubts(state: _State) -> Sequence[Structure]:
-    """Structure that is left; beside names that explain little also what wanders, which otherwise may be noise."""
-    if state.structures or not state.effects or max(effect.share for effect in state.effects) >= _MOST:
+    """Structure that is left; beside names that explain little also what wanders, which otherwise may be noise.
+
+    What wanders in fitted rows says nothing of a fault in others.
+    """
+    is_clear = not state.effects or bool(state.late) or max(effect.share for effect in state.effects) >= _MOST
+    if state.structures or is_clear:
         return state.structures
     asked = state.asked
     return unexplained(

@@ -13,6 +13,7 @@ from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.confirmation import (
     confirmation,
     confirmed,
+    held_out_faults,
     not_ruinous,
     only_cancels,
     only_where_carried,
@@ -257,3 +258,26 @@ def test_a_frozen_reading_is_one_although_another_one_stands_in_the_unseen_run()
     (effect,) = diagnosis(replace(made, recorded=made.recorded | {"Z": recorded})).effects
     assert effect.id == "data.stuck"
     assert effect.confidence > 0.9
+
+
+def late_step(size, seed, *, noisier=1.0):
+    """White noise, a step in the unseen run alone, and that run so many times noisier."""
+    rng = np.random.default_rng(seed)
+    noise = rng.standard_normal(N) * np.repeat([1.0, 1.0, noisier], N // 3)
+    return comparison({"Z": noise + size * (np.arange(N) >= 1450)})
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_step_in_the_unseen_run_alone_is_a_fault_and_no_switch(seed):
+    answer = diagnosis(late_step(2.0, seed))
+    assert [effect.id for effect in answer.effects] == ["data.step"]
+    assert answer.verdict == "data-fault"
+    assert not answer.findings
+
+
+def test_a_fault_of_a_noisier_unseen_run_is_no_surer_than_the_part_of_it_that_it_explains():
+    made = late_step(0.6, 3, noisier=1.27)
+    result = search({"Z": bench_of(made, "Z", EFFECTS)[0]}, false_alarm=0.02, seed=0)
+    steps = [effect_of("data.step")]
+    (step,) = held_out_faults(made, result, steps, false_alarm=0.02, seed=0)
+    assert step.confidence < 0.5

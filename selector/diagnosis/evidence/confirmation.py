@@ -8,7 +8,7 @@ import numpy as np
 from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect
-from selector.diagnosis.evidence.naming import named_effect
+from selector.diagnosis.evidence.naming import is_structured, named_effect
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms, without
 from selector.diagnosis.matching.runs import rms
@@ -258,11 +258,16 @@ def held_out_faults(
         there = there.with_noise(bench.noise)
         result = search({response: there}, false_alarm=0.1 * false_alarm, seed=seed)
         chosen = numbers(result.named, response)
-        if chosen and rms(result.benches[response].residual(chosen)[held]) < _AS_QUIET * quiet:
+        after = rms(result.benches[response].residual(chosen)[held])
+        if chosen and after < _AS_QUIET * quiet:
             candidates = result.benches[response].candidates
             unseen = {comparison.runs[k] for k in np.unique(comparison.run_index[held])}
             local_names = [id_ for id_, of in result.named.items() if candidates[of[response]].variant.run in unseen]
-            named += [replace(named_effect(rest, result, id_), is_fitted=False) for id_ in local_names]
+            # no surer than the part that it closes of what unseen rows are off, beyond noise where only that is left
+            noise = 0.0 if is_structured(found, response) else quiet
+            closed = 1.0 - max(after**2 - noise**2, 0.0) / (rms(left[held]) ** 2 - noise**2)
+            told = [named_effect(rest, result, id_) for id_ in local_names]
+            named += [replace(one, is_fitted=False, confidence=min(one.confidence, closed)) for one in told]
     return tuple(named)
 
 
