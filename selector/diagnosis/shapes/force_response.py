@@ -27,7 +27,8 @@ from selector.diagnosis.shapes.signals import by_run, rise
 from selector.types import Vector
 
 PLACE_ROLES = ("displacement", "position")
-MOTION_ROLES = ("displacement", "position", "velocity", "acceleration")
+_ORDERS = {"displacement": 0, "position": 0, "velocity": 1, "acceleration": 2}  #: Derivatives of the place.
+MOTION_ROLES = tuple(_ORDERS)
 #: Natural frequencies of the whole moving mass on what stands between drive and table; softer ones are no guess.
 NATURAL_HZ = (70.0, 130.0, 40.0)
 USUAL_YIELD_S2 = 1.0 / (2.0 * np.pi * NATURAL_HZ[0]) ** 2
@@ -110,7 +111,7 @@ def passed(
     force itself. As large as the force, in the root mean square.
     """
     channel = comparison.channel(response)
-    order = {"displacement": 0, "position": 0, "velocity": 1, "acceleration": 2}.get(channel.role)
+    order = _ORDERS.get(channel.role)
     told = simulated_axis(comparison, channel.axis) if guess is None else None
     loop = guess or closed_loop(comparison, channel.axis)
     if told is not None:
@@ -145,7 +146,7 @@ def felt(comparison: Comparison, response: str, course: Vector) -> Vector:
         back = passed(comparison, response, backwards)[0]
     else:
         answer = pushed(comparison, replace(told, dry_m_per_s2=0.0), backwards)
-        back = answer.countered if channel.role in FORCE_ROLES else answer.motion[0]
+        back = answer.countered if channel.role in FORCE_ROLES else answer.motion[_ORDERS[channel.role]]
     return by_run(comparison, np.flip, back)
 
 

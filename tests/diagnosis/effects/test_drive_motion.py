@@ -376,3 +376,36 @@ def test_a_wind_up_is_no_following_error():
 def test_play_is_crossed_where_the_simulated_wind_up_turns_over():
     effects = {effect.id: effect for effect in diagnosis(_wound_up(14e-6)).effects}
     assert effects["drive.backlash"].parameters["lost_motion"].value == pytest.approx(14.0, rel=0.15)
+
+
+def turning(random: np.random.Generator, ripple: float = 0.0) -> Comparison:
+    """A motor at one speed that wanders, in three runs with an angle that goes on; simulated is that one speed."""
+    n, wanders = 900, []
+    for _ in range(3):
+        slow = np.convolve(random.standard_normal(n + 400), np.hanning(401), "valid")
+        wanders.append(4.5 + 0.02 * slow / np.std(slow))
+    speed = np.concatenate(wanders)
+    angle = np.cumsum(speed) * 5e-3 + np.repeat([0.0, 60.0, 130.0], n)
+    seen = speed + ripple * np.sin(2.0 * np.pi * 6.0 * angle) + 0.003 * random.standard_normal(3 * n)
+    channels = (Channel("v", "velocity", "m/s", axis="C"), Channel("angle", "position", "m", axis="C"))
+    return Comparison(
+        runs=("a", "b", "c"),
+        starts=(0, n, 2 * n, 3 * n),
+        time_s=np.tile(5e-3 * np.arange(n), 3),
+        channels=channels,
+        recorded={"v": seen, "angle": angle},
+        simulated={"v": np.full(3 * n, 4.5)},
+        responses=("v",),
+        held_out=np.arange(3 * n) >= 2 * n,
+    )
+
+
+def test_a_speed_that_is_compared_is_no_physics_of_its_own():
+    answer = diagnosis(turning(np.random.default_rng(1)))
+    assert not [effect.id for effect in answer.effects if effect.id.startswith("drive.")]
+
+
+def test_a_speed_ripples_along_its_turns_however_many_were_made():
+    answer = diagnosis(turning(np.random.default_rng(1), ripple=0.05))
+    ripple = next(effect for effect in answer.effects if effect.id == "drive.ripple")
+    assert ripple.parameters["lead_mm"].value == pytest.approx(1e3 / 6.0, rel=0.002)

@@ -1,6 +1,7 @@
 """How forces on an axis become the shapes of a drive effect: leads, limits, fits in newtons."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +15,8 @@ from selector.diagnosis.shapes.axis import (
     MOST_SUBSTEPS,
     Motion,
     SimulatedAxis,
+    commanded,
+    derivatives,
     motion,
     pieces,
     simulated_axis,
@@ -29,11 +32,18 @@ LEADS_LOOKED_AT = 30.0
 
 
 def motion_of(comparison: Comparison, response: str) -> Motion:
-    """The motion of the axis that the response belongs to."""
-    found = motion(comparison, comparison.channel(response).axis)
+    """The motion of the axis that the response belongs to; without a command a compared speed is as simulated in it.
+
+    Recorded elsewhere it is the response itself, which would explain all that it is off.
+    """
+    channel = comparison.channel(response)
+    found = motion(comparison, channel.axis)
     if found is None:
         raise ValueError(f"asked for shapes in {response!r}, which no motion was recorded for")
-    return found
+    if channel.role != "velocity" or response in found.sources or commanded(comparison, channel.axis) is not None:
+        return found
+    speed = comparison.simulated_course(response)
+    return replace(found, velocity_m_per_s=speed, acceleration_m_per_s2=derivatives(comparison, speed)[0])
 
 
 def of_forces(
@@ -136,7 +146,7 @@ N_LONG = 3  #: Of leads with few turns on the way: they stand beside what is slo
 _FEW_TURNS = 12.0
 _FINER = 6
 _BACKGROUND_LINES = 60  #: Strokes that overlap little make one line as wide as several.
-_BINS = 2**13
+_BINS, _MOST_BINS = 2**13, 2**16
 
 
 @lru_cache(maxsize=16)
@@ -156,7 +166,7 @@ def leads(comparison: Comparison, axis: str | None, *, of_force: bool) -> tuple[
     courses = []
     for name in comparison.responses:
         channel = comparison.channel(name)
-        seen = FORCE_ROLES + PLACE_ROLES if of_force else PLACE_ROLES
+        seen = (*FORCE_ROLES, *PLACE_ROLES, "velocity") if of_force else PLACE_ROLES
         if channel.role not in seen or (axis is not None and channel.axis not in (None, axis)):
             continue
         left = _left(comparison, moving, name)
@@ -182,18 +192,19 @@ def _left(comparison: Comparison, moving: Motion, name: str) -> Vector:
 
 def _highest(place: Vector, courses: list[Vector], comparison: Comparison, speed: Vector) -> tuple[float, ...]:
     way = float(np.ptp(place))
-    width = way * _FINER / _BINS
-    number = np.minimum(((place - place.min()) / way * _FINER**-1 * _BINS).astype(np.intp), _BINS - 1)
-    frequency = np.fft.rfftfreq(_BINS, width)
     # at least four samples a turn at the usual speed
-    travel = float(np.median(speed)) * comparison.period_s
+    travel = max(float(np.median(speed)) * comparison.period_s, SHORTEST_M)
+    bins = int(np.clip(2.0 ** np.ceil(np.log2(way * _FINER / travel)), _BINS, _MOST_BINS))
+    width = way * _FINER / bins
+    number = np.minimum(((place - place.min()) / way * _FINER**-1 * bins).astype(np.intp), bins - 1)
+    frequency = np.fft.rfftfreq(bins, width)
     shortest = max(SHORTEST_M, 4.0 * travel, 4.0 * width)
     inside = (frequency >= FEWEST_TURNS / way) & (frequency <= 1.0 / shortest)
     if inside.sum() < 5 or not courses:
         return ()
     height = np.zeros(int(inside.sum()))
     for course in courses:
-        sums = np.bincount(number, weights=course, minlength=_BINS)
+        sums = np.bincount(number, weights=course, minlength=bins)
         power = np.abs(np.fft.rfft(sums)[inside]) ** 2
         background = median_filter(power, min(_BACKGROUND_LINES * _FINER, len(power)), mode="reflect")
         height += power / np.maximum(background, 1e-300 + 1e-6 * float(power.max()))

@@ -26,6 +26,8 @@ _SHARES_OF_SPEED = (0.97, 0.94, 0.9, 0.85, 0.8, 0.7)  #: Less would be a lack in
 _SHARES_OF_FASTEST, _LAGS = (1.0, 0.9, 0.8), (0.1, 0.33, 1.0)
 _HARDLY = 0.99
 _CLEARLY = 1.5  #: Times a limit of speed: a command that is hardly faster is followed late, which a delay is.
+#: Of a limit of speed: what moves slower stands, what moves faster goes at it, as it does for half of its way at least.
+_STANDS, _AT_LIMIT, _HALF = 0.2, 0.8, 0.5
 _FEWEST_ROWS = 5
 _FURTHEST_S = 10.0  #: Way behind, as the time in which the whole force would go it from rest.
 
@@ -50,7 +52,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             for column, what in _shapes(comparison, response, loop, course, level, kind):
                 words = (f"{what} at the limit of {name}",)
                 sources = motion_of(comparison, response).sources
-                yield Variant(column[:, None], words, shape, sources=sources, regime=regime)
+                yield Variant(column[:, None], words, shape, sources=sources, regime=regime, bounds=((0.0, np.inf),))
     yield from _followers(comparison, response)
 
 
@@ -63,6 +65,8 @@ def _followers(comparison: Comparison, response: str) -> Iterator[Variant]:
     wanted, seen = (np.abs(derivatives(comparison, way)[0][~comparison.held_out]) for way in ways)
     fastest = float(np.quantile(seen, _HARDLY))
     if channel.role != "position" or wanted.max() < _CLEARLY * fastest:
+        return
+    if np.sum(seen > _AT_LIMIT * fastest) < _HALF * np.sum(seen > _STANDS * fastest):
         return
     for level in (share * fastest for share in _SHARES_OF_FASTEST):
         lacks = _slewed(asked, comparison.time_s, np.asarray(comparison.starts), level) - asked
@@ -125,7 +129,8 @@ def _limited(comparison: Comparison, response: str) -> Iterator[tuple[str, Vecto
     else:
         yield "acceleration", moving.acceleration_m_per_s2, "m/s^2", 0.0
     if comparison.channel(response).role == "velocity":
-        yield response, moving.velocity_m_per_s, "m/s", 1.0
+        # what was recorded does not go beyond its limit
+        yield response, comparison.simulated_course(response), "m/s", 1.0
 
 
 def _plateau(comparison: Comparison, name: str) -> list[float]:
