@@ -6,7 +6,7 @@ FOLDER has a folder for every rig, as `python -m benchmarks.real.collect FOLDER 
 are published is said for those that are missing. RESULTS receives a file a case, and the table as table.txt and
 table.json; what is there already is not asked again (`--again` does). `--check` builds the cases and shows what was
 read, without asking anything, `--list` shows what is declared of them. The half that is set apart by lot (`--lot` shows
-it) is asked once, when the method stands: with `--final`; so is the third set.
+it) is asked once, when the method stands: with `--final`; so are the third set and the halves of the fourth.
 `--seeds 5` asks the chosen cases five times more, with white noise of their own size on the compared channels, and
 tells where names or verdict change (seeds.txt).
 """
@@ -22,16 +22,17 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from benchmarks.real.case import RealCase, noisy
 from benchmarks.real.rigs import CASES
 from benchmarks.real.score import judged, sums, text_of
-from benchmarks.real.sources import EVERY, SENTENCE, SHIPPED, halves
+from benchmarks.real.sources import EVERY, SENTENCE, SHIPPED, Half, halves
 
 SEED = 0
+_ONCE: tuple[Half, ...] = ("apart", "third", "fourth", "fourth-apart")
 
 
 def main() -> None:
@@ -45,7 +46,7 @@ def main() -> None:
     if options.one:
         print(json.dumps(answered(_named(options.one), options.recordings, options.noise_seed)))
         return
-    if options.half in ("apart", "third") and not (options.final or options.check or options.list):
+    if options.half in _ONCE and not (options.final or options.check or options.list):
         sys.exit(f"the half {options.half} is asked once, when the method stands: --final")
     chosen = [case for case in CASES if half_of[case.rig] == options.half and _asked(case, options.case)]
     if options.list:
@@ -171,7 +172,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recordings", type=Path, default=Path())
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--half", choices=("development", "apart", "second", "third"), default="development")
+    parser.add_argument("--half", choices=get_args(Half), default="development")
     parser.add_argument("--case", nargs="+", default=[], help="cases whose name holds one of these")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--seeds", type=int, default=0, help="ask with noise of so many seeds: does the answer hold?")

@@ -9,7 +9,7 @@ from typing import Literal
 
 Licensed = Literal["free", "in place"]
 """A cut may be shipped; to be read in place only."""
-Half = Literal["development", "apart", "second", "third"]
+Half = Literal["development", "apart", "second", "third", "fourth", "fourth-apart"]
 
 SENTENCE = "the apart half is not looked at before the method stands: 2026-11-23"
 """Decides by lot, together with a rig's name, which rigs are set apart."""
@@ -164,7 +164,50 @@ THIRD: tuple[Source, ...] = (
 )  # fmt: skip
 """Rigs of a sixth exam: declared on 2026-11-28 by somebody who had not read the method, committed, then asked once."""
 
-EVERY: tuple[Source, ...] = (*SOURCES, *SECOND, *THIRD)
+_SHIELD, _SHIELD_TERMS = "gergelytakacs/AutomationShield", "CC-BY-NC-ND-4.0"
+_MATLAB = "matlab/examples"
+
+FOURTH: tuple[Source, ...] = (
+    Source("odrive_chirp", "labmrd/odrive-with-motor-characterization", "73efb9b", "MIT", "free", (
+        "docs/motor_characterization_references/demo_data/*.csv", "LICENSE*")),
+    Source("rack_pinion", "KonradMnich/friction-identification", "8b477df", "none", "in place", (
+        "input/sample_workspace_4.mat", "README.md", "manual.md")),
+    Source("balance_car", "dongdaming1966/mcar_simulate", "c0ab509", "none", "in place", (
+        "data/10_22_[1234].dat", "data/readme.txt")),
+    Source("micromouse", "opatiny/micromouse", "fb04095", "none", "in place", (
+        "matlab/data/wheelSpeedCalibration[24].csv", "matlab/data/README.md")),
+    Source("moto_shield", _SHIELD, "bc0778f", _SHIELD_TERMS, "in place", (
+        f"{_MATLAB}/MotoShield/*.mat", "LICENSE*")),
+    Source("thrust_stand", "noahcurtiss/Motor_Tests", "37c3f9d", "none", "in place", (
+        "robbe/*.txt", "python_scripts/analysis.py", "README.md")),
+    Source("link_shield", _SHIELD, "bc0778f", _SHIELD_TERMS, "in place", (
+        f"{_MATLAB}/LinkShield/resultID.mat", "LICENSE*")),
+    Source("aero_shield", _SHIELD, "bc0778f", _SHIELD_TERMS, "in place", (
+        f"{_MATLAB}/AeroShield/*_Data.mat", "LICENSE*")),
+    Source("bob_pendulum", "DavidW99/Damping_Oscillator", "5b8248c", "none", "in place", (
+        "damping_angle.xlsx", "*.m", "README.md")),
+    Source("rc_filter", "lorsi96/System-Identification-Control-for-RCRC-Circuit", "0a55e58", "MIT", "free", (
+        "csvs/ls_output_data.csv", "README.md", "LICENSE*")),
+    Source("heat_shield", _SHIELD, "bc0778f", _SHIELD_TERMS, "in place", (
+        f"{_MATLAB}/HeatShield/resultID*.mat", "LICENSE*")),
+    Source("heat_pad", "PubInv/moonrat", "fd118d0", "AGPL-3.0", "in place", (
+        "moonratII/heat_data/ALUM_cont.txt", "README.md", "LICENSE*")),
+    Source("fermenter", "joaopsl/CervejasNucleares_2017", "a83a1bf", "none", "in place", ("Modelos/*.csv",)),
+    Source("cell_18650", "isaiasBessa97/ncr18650_identification", "915b47b", "none", "in place", (
+        *(f"dataset-thermal/BID*_{programme}_*.txt" for programme in (
+            "RSDch", "DPDch", "CDch050.0", "CDch100.0")),)),
+)  # fmt: skip
+"""Rigs of a seventh exam: declared and asked by halves on 2026-11-29, by somebody who had not read the method."""
+
+FOURTH_SENTENCE = "the seventh exam is asked by halves: 2026-11-29"
+_KINDS = (
+    ("odrive_chirp", "rack_pinion", "balance_car", "micromouse", "moto_shield", "thrust_stand"),
+    ("link_shield", "aero_shield", "bob_pendulum", "rc_filter"),
+    ("heat_shield", "heat_pad", "fermenter", "cell_18650"),
+)
+"""Drives, vibration and heat: half of each is set apart by lot."""
+
+EVERY: tuple[Source, ...] = (*SOURCES, *SECOND, *THIRD, *FOURTH)
 
 KNOWN: tuple[str, ...] = ("emps", "silverbox", "cascaded_tanks", "ace_thermal", "spindle46")
 """Rigs that were looked at while the program was made: never apart."""
@@ -181,8 +224,11 @@ def halves() -> dict[str, Half]:
         found |= {rig: "development" if k < first else "apart" for k, rig in enumerate(rigs)}
     found |= dict.fromkeys((one.rig for one in SECOND), "second")
     found |= dict.fromkeys((one.rig for one in THIRD), "third")
+    for kind in _KINDS:
+        rigs = sorted(kind, key=lambda rig: _lot(rig, FOURTH_SENTENCE))
+        found |= {rig: "fourth" if 2 * k < len(rigs) else "fourth-apart" for k, rig in enumerate(rigs)}
     return found
 
 
-def _lot(rig: str) -> str:
-    return hashlib.sha256(f"{SENTENCE}: {rig}".encode()).hexdigest()
+def _lot(rig: str, sentence: str = SENTENCE) -> str:
+    return hashlib.sha256(f"{sentence}: {rig}".encode()).hexdigest()

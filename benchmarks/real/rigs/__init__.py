@@ -12,6 +12,7 @@ from benchmarks.real.rigs import (
     cart_pendulum,
     cart_rail,
     f16,
+    fourth,
     friction_damper,
     heated_bar,
     heated_rod,
@@ -57,4 +58,6 @@ _RIGS = (
     known,
 )
 
-CASES: tuple[RealCase, ...] = (*(case for rig in _RIGS for case in rig.CASES), *second.CASES, *third.CASES)
+CASES: tuple[RealCase, ...] = (
+    *(case for rig in _RIGS for case in rig.CASES), *second.CASES, *third.CASES, *fourth.CASES
+)  # fmt: skip
