@@ -146,7 +146,7 @@ N_LONG = 3  #: Of leads with few turns on the way: they stand beside what is slo
 _FEW_TURNS = 12.0
 _FINER = 6
 _BACKGROUND_LINES = 60  #: Strokes that overlap little make one line as wide as several.
-_BINS, _MOST_BINS = 2**13, 2**16
+_BINS, _BINS_OF_TURNS = 2**13, 2**16  #: Of a way that is limited, and where a speed is compared, which may go on.
 
 
 @lru_cache(maxsize=16)
@@ -163,7 +163,7 @@ def leads(comparison: Comparison, axis: str | None, *, of_force: bool) -> tuple[
     place = moving.position_m[used]
     if len(place) < 50 or np.ptp(place) < FEWEST_TURNS * SHORTEST_M:
         return ()
-    courses = []
+    courses, bins = [], _BINS
     for name in comparison.responses:
         channel = comparison.channel(name)
         seen = (*FORCE_ROLES, *PLACE_ROLES, "velocity") if of_force else PLACE_ROLES
@@ -172,7 +172,8 @@ def leads(comparison: Comparison, axis: str | None, *, of_force: bool) -> tuple[
         left = _left(comparison, moving, name)
         if excited(left):
             courses.append((felt(comparison, name, left) if of_force else left)[used])
-    return _highest(place, courses, comparison, np.abs(moving.velocity_m_per_s[used]))
+            bins = _BINS_OF_TURNS if channel.role == "velocity" else bins
+    return _highest(place, courses, bins, comparison, np.abs(moving.velocity_m_per_s[used]))
 
 
 def _left(comparison: Comparison, moving: Motion, name: str) -> Vector:
@@ -190,14 +191,15 @@ def _left(comparison: Comparison, moving: Motion, name: str) -> Vector:
     return left
 
 
-def _highest(place: Vector, courses: list[Vector], comparison: Comparison, speed: Vector) -> tuple[float, ...]:
+def _highest(
+    place: Vector, courses: list[Vector], bins: int, comparison: Comparison, speed: Vector
+) -> tuple[float, ...]:
     way = float(np.ptp(place))
-    # at least four samples a turn at the usual speed
-    travel = max(float(np.median(speed)) * comparison.period_s, SHORTEST_M)
-    bins = int(np.clip(2.0 ** np.ceil(np.log2(way * _FINER / travel)), _BINS, _MOST_BINS))
     width = way * _FINER / bins
     number = np.minimum(((place - place.min()) / way * _FINER**-1 * bins).astype(np.intp), bins - 1)
     frequency = np.fft.rfftfreq(bins, width)
+    # at least four samples a turn at the usual speed
+    travel = float(np.median(speed)) * comparison.period_s
     shortest = max(SHORTEST_M, 4.0 * travel, 4.0 * width)
     inside = (frequency >= FEWEST_TURNS / way) & (frequency <= 1.0 / shortest)
     if inside.sum() < 5 or not courses:
