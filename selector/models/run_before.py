@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pandas as pd
 
-from selector.quality.completeness import is_late
+from selector.quality.completeness import LONG_PERIODS, PAUSE_S, is_late
 from selector.recording import Recording, RunSource, restarts
 from selector.types import Array
 
@@ -19,27 +19,29 @@ MEMORY_REACH = 5.0  #: Time constants after which nothing is left of a state: eâ
 
 
 def in_parts(source: RunSource) -> RunSource:
-    """A recording of one run as several: one begins where the spindle turns again after a rest (`restarts`).
+    """A recording of one run as several: one begins where rows go on after a pause or, where nothing pauses, where the
+    spindle turns again after a rest (`restarts`), if that makes `FEWEST_PARTS`.
 
-    Each counts from its own start and remembers nothing from before, as a control that is switched on there. Left as it
-    is where that makes fewer than `FEWEST_PARTS`, or where no spindle speed is known.
+    Each counts from its own start and remembers nothing from before, as a control that is switched on there.
     """
-    speeds = [one.name for one in source.channels if one.role == "spindle_speed"]
-    if not isinstance(source, Recording) or len(source.runs) > 1 or not speeds:
+    if not isinstance(source, Recording) or len(source.runs) > 1:
         return source
     run = source.runs[0]
-    frame = pd.DataFrame(source.frame.loc[run])
-    turning = frame[speeds[0]].abs().ffill().fillna(0.0)
-    rests = (turning < 0.01 * turning.max()).to_numpy()
-    time_s = source.time_s(run)
-    first = np.r_[0, 1 + np.flatnonzero(rests[1:] != rests[:-1])]
-    begun = restarts(rests[first], np.diff(time_s[first], append=time_s[-1]))
-    # the last sample at rest is the zero of a part
-    cuts = [0, *(int(first[i + 1]) - 1 for i in begun[1:])]
-    if len(cuts) < FEWEST_PARTS:
+    frame, time_s = pd.DataFrame(source.frame.loc[run]), source.time_s(run)
+    steps = np.diff(time_s, prepend=time_s[:1])
+    cuts = [0, *np.flatnonzero(steps > max(PAUSE_S, LONG_PERIODS * float(np.median(steps)))).tolist()]
+    speeds = [one.name for one in source.channels if one.role == "spindle_speed"]
+    if len(cuts) == 1 and speeds:
+        turning = frame[speeds[0]].abs().ffill().fillna(0.0)
+        rests = (turning < 0.01 * turning.max()).to_numpy()
+        first = np.r_[0, 1 + np.flatnonzero(rests[1:] != rests[:-1])]
+        begun = restarts(rests[first], np.diff(time_s[first], append=time_s[-1]))
+        # the last sample at rest is the zero of a part
+        cuts = [0, *(int(first[i + 1]) - 1 for i in begun[1:])] if len(begun) >= FEWEST_PARTS else cuts
+    if len(cuts) == 1:
         return source
     parts = {}
-    for k, (a, b) in enumerate(itertools.pairwise([*cuts, len(rests)])):
+    for k, (a, b) in enumerate(itertools.pairwise([*cuts, len(time_s)])):
         own = pd.Index(time_s[a:b] - time_s[a], name="time_s")
         parts[f"{run} {k + 1}"] = pd.DataFrame(frame.iloc[a:b]).set_axis(own)
     return Recording.from_runs(parts, source.channels, {**source.provenance, PARTS: len(parts)})

@@ -163,7 +163,8 @@ def file_copies(origins: Mapping[str, tuple[str, str]]) -> Iterator[Finding]:
             yield FINDINGS.finding("same-file-twice", told, Where(run=run), evidence, action="leave-out-run")
 
 
-_LONG_PERIODS = 20  #: A gap of so many periods is a warning, a shorter one is only mentioned.
+LONG_PERIODS = 20  #: A gap of so many periods is a warning, a shorter one is only mentioned.
+PAUSE_S = 3600.0  #: A long gap of all channels in which the machine was left, and the gauge perhaps set to zero [s].
 _CLOCK_PERIODS = 10
 _REACH = 8  #: Samples on each side of a leap from which it is judged whether a channel goes on as before.
 
@@ -267,8 +268,12 @@ def _gap(
         many = f" in {len(windows)} stretches, the longest {duration(lengths[longest])} from"
     told = f"{said}{many} {moment(windows[longest][0])} of run {run} (usual period {duration(usual)})."
     where = Where(channel, run, windows[0][0], windows[-1][1])
-    is_long = lengths[longest] > _LONG_PERIODS * usual
-    return FINDINGS.finding("gap", told, where, evidence, level="warning" if is_long else "info")
+    is_long = lengths[longest] > LONG_PERIODS * usual
+    advice = (
+        "split the file where a new run begins; `select` counts the parts of a single record each from its own start"
+    )
+    advice_of_pause = advice if is_long and channel is None and lengths[longest] > PAUSE_S else None
+    return FINDINGS.finding("gap", told, where, evidence, advice_of_pause, level="warning" if is_long else "info")
 
 
 def _continuity(survey: Survey, run: str, at: int) -> tuple[int, int]:

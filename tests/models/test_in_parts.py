@@ -1,4 +1,4 @@
-"""One long record is the runs that it consists of: cut where the spindle turns again after a rest worth the name."""
+"""One long record is the runs that it consists of: cut at pauses, or where the spindle turns after a long rest."""
 
 import numpy as np
 import pandas as pd
@@ -51,6 +51,23 @@ def test_every_warming_after_a_rest_begins_a_run_with_its_last_sample_at_rest():
 def test_what_makes_too_few_parts_stays_as_it_is(hours):
     whole = record(days(*hours))
     assert in_parts(whole) is whole
+
+
+@pytest.mark.parametrize("channels", [CHANNELS, CHANNELS[1:]], ids=["with a speed", "without"])
+@pytest.mark.parametrize(("pauses_h", "expected"), [((16, 63), 3), ((16,), 2), ((0.5, 0.5), 1)])
+def test_days_in_one_file_are_cut_where_no_rows_are(channels, pauses_h, expected):
+    minutes = np.arange(3 * 8 * HOUR)
+    # the gauge is set to zero every morning; the spindle turns into the first pause
+    table = {"n": np.where(minutes % 480 < 10, 0.0, 3000.0), "T1": 20.0 + minutes % 480, "Z": 0.1 * (minutes % 480)}
+    later = sum((60.0 * HOUR * hours * (minutes >= 480 * (k + 1)) for k, hours in enumerate(pauses_h)), np.zeros(1))
+    index = pd.Index(60.0 * minutes + later, name="time_s")
+    frame = pd.DataFrame({one.name: table[one.name] for one in channels}, index=index)
+    whole = Recording.from_runs({"week": frame}, channels, {})
+    parts = in_parts(whole)
+
+    assert len(parts.runs) == expected
+    assert (parts is whole) == (expected == 1)
+    assert all(parts.values(run, ["Z"])[0, 0] == 0.0 for run in parts.runs)
 
 
 def test_only_one_run_with_a_speed_is_cut():

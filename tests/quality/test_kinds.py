@@ -296,6 +296,14 @@ def test_gaps_of_rows_and_of_a_channel(tables):
     ]
 
 
+@pytest.mark.parametrize(("pause_s", "is_pause"), [(1800.0, False), (50_000.0, True)])
+def test_of_a_long_pause_it_is_told_that_runs_are_files_of_their_own(tables, pause_s, is_pause):
+    table = tables["r1"]
+    table.index = table.index + np.where(np.arange(len(table)) < 200, 0.0, pause_s)
+    (hit,) = [f for f in inspect(plain_recording(tables)) if f.id == "gap"]
+    assert ("split" in hit.suggestion) == is_pause
+
+
 def test_single_samples_that_are_lost_last_a_period_each(tables):
     table = tables["r1"]
     table.iloc[np.arange(len(table)) % 25 == 7, table.columns.get_loc("T3")] = np.nan
