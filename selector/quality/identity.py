@@ -17,6 +17,7 @@ MOST_PAIRS = 20_000  #: So many pairs of channels are compared sample by sample.
 _LEAST = {"degC": 0.6, "um": 4.0}  #: A mismatch below this does not prove a swap [K, µm].
 #: By so much the mismatches of both, or of one, exceed what is usual and what is left when the two change places.
 _TIMES, _TIMES_ALONE = 2.5, 5.0
+_CLEARLY = 1.5  #: By so much channels beside two exchanges that explain each other must prefer the one.
 #: Other runs from which it is first judged what mismatch is usual; a pair that passes is judged on all of them.
 _REFERENCES = 10
 
@@ -102,15 +103,20 @@ class _Law:
 
 
 class _Laws:
-    """The laws of one run, each worked out once; `training`: the other runs, at most `most` of them for `usual`."""
+    """The laws of one run, each worked out once; `training`: the other runs, at most `most` of them for `usual`.
 
-    def __init__(self, relations: Relations, r: int, training: list[int], most: int = _REFERENCES) -> None:
-        self.relations, self.r, self.training, self.most = relations, r, training, most
+    `movement`: of the run, with the exchanges that are known; (n_channels, n_blocks).
+    """
+
+    def __init__(
+        self, relations: Relations, r: int, training: list[int], movement: Floats, most: int = _REFERENCES
+    ) -> None:
+        self.relations, self.r, self.training, self.movement, self.most = relations, r, training, movement, most
         self._laws: dict[tuple[int, tuple[int, ...]], _Law | None] = {}
 
-    def law(self, own: int, other: int | None = None) -> _Law | None:
-        """The law of a channel without another one among its siblings; None where nothing can be learned."""
-        beside = self.relations.siblings(own, without=() if other is None else (other,))
+    def law(self, own: int, *without: int) -> _Law | None:
+        """The law of a channel without other ones among its siblings; None where nothing can be learned."""
+        beside = self.relations.siblings(own, without=without)
         key = (own, tuple(beside))
         if key not in self._laws:
             self._laws[key] = self._learned(own, beside)
@@ -122,12 +128,12 @@ class _Laws:
         if len(beside) < 2 or not known:
             return None
         weights = relations.weights_without(own, beside, [r])
-        said = relations.prediction(beside, weights, r)
+        said = weights @ self.movement[beside]
         usual = 0.3 * _least(relations, own)
         for o in known[:: max(1, len(known) // self.most)]:
             fitted = relations.weights_without(own, beside, [r, o]) if len(known) > 1 else weights
-            usual = max(usual, _mismatch(relations, beside, fitted, o, own))
-        return _Law(beside, weights, known, said, float(np.std(relations.movement(r)[own] - said)), usual)
+            usual = max(usual, _mismatch(relations.movement(o), beside, fitted, own))
+        return _Law(beside, weights, known, said, float(np.std(self.movement[own] - said)), usual)
 
 
 def swapped(relations: Relations) -> Iterator[Finding]:
@@ -145,32 +151,67 @@ def swapped(relations: Relations) -> Iterator[Finding]:
         training = [o for o in range(count) if o != r]
         here = [i for i, beside in enumerate(siblings) if beside and relations.present[i, r]]
         here = [i for i in here if relations.present[i].sum() > 1]
-        suspects = [i for i in here if relations.off_by_others(i)[0][r] > _least(relations, i)]
-        laws, pairs = _Laws(relations, r, training), []
-        for i, j in _candidates(laws, here, suspects):
-            proofs = _exchange(laws, i, j)
-            if proofs is not None and len(training) >= 2 * _REFERENCES:
-                proofs = _exchange(_Laws(relations, r, training, most=len(training)), i, j)
-            if proofs is not None:
-                pairs.append(proofs)
-        taken: set[int] = set()
-        for strong, weak in sorted(pairs, key=lambda pair: -(pair[0].strength + pair[1].strength)):
-            if not taken & {strong.own, weak.own}:
-                taken |= {strong.own, weak.own}
-                yield from _told(relations, r, strong, acts=len(training) > (1 if weak.strength >= _TIMES else 2))
+        laws = _Laws(relations, r, training, relations.movement(r))
+        pairs = _proved(laws, here)
+        while pairs:
+            best = max(pairs, key=lambda pair: pair[0].strength + pair[1].strength)
+            both = {best[0].own, best[0].other}
+            left = _proved(_exchanged(laws, best), [i for i in here if i not in both])
+            # what that exchange explains as well: the near twins of both, which then follow their siblings again
+            still = [{one.own, one.other} for one, _ in left]
+            rivals = [one for one in pairs if not both & (two := {one[0].own, one[0].other}) and two not in still]
+            if rivals:
+                best, *rivals = _by_the_rest(laws, [best, *rivals])
+            for strong, weak in (best, *rivals):
+                acts = len(training) > (1 if weak.strength >= _TIMES else 2)
+                yield from _told(relations, r, strong, acts=acts, alone=not rivals)
+            here = [i for i in here if i not in {k for one, _ in (best, *rivals) for k in (one.own, one.other)}]
+            laws = laws if rivals else _exchanged(laws, best)
+            pairs = _proved(laws, here)
+
+
+def _proved(laws: _Laws, here: list[int]) -> list[tuple[_Proof, _Proof]]:
+    """The stronger and the weaker proof of every pair of these channels that has changed places."""
+    relations, r, training, pairs = laws.relations, laws.r, laws.training, []
+    suspects = [i for i in here if relations.off_by_others(i)[0][r] > _least(relations, i)]
+    for i, j in _candidates(laws, here, suspects):
+        proofs = _exchange(laws, i, j)
+        if proofs is not None and len(training) >= 2 * _REFERENCES:
+            proofs = _exchange(_Laws(relations, r, training, laws.movement, most=len(training)), i, j)
+        if proofs is not None:
+            pairs.append(proofs)
+    return pairs
+
+
+def _exchanged(laws: _Laws, pair: tuple[_Proof, _Proof]) -> _Laws:
+    movement, (i, j) = laws.movement.copy(), (pair[0].own, pair[0].other)
+    movement[[i, j]] = movement[[j, i]]
+    return _Laws(laws.relations, laws.r, laws.training, movement, laws.most)
+
+
+def _by_the_rest(laws: _Laws, pairs: list[tuple[_Proof, _Proof]]) -> list[tuple[_Proof, _Proof]]:
+    """Of exchanges that explain each other the one that channels of none of them clearly tell; else all of them."""
+    doubtful = sorted({k for one, _ in pairs for k in (one.own, one.other)})
+    judges = {i: law for i in doubtful if (law := laws.law(i, *(k for k in doubtful if k != i))) is not None}
+    off = []
+    for pair in pairs:
+        movement = _exchanged(laws, pair).movement
+        misses = [float(np.std(movement[i] - law.said)) / law.usual for i, law in judges.items()]
+        off.append(float(np.hypot.reduce(np.array(misses))) if misses else 1.0)
+    first, second = np.argsort(off, kind="stable")[:2]
+    return [pairs[first]] if _CLEARLY * off[first] < off[second] else pairs
 
 
 def _candidates(laws: _Laws, here: list[int], suspects: list[int]) -> list[tuple[int, int]]:
     """Pairs with a suspect that may have changed places: in the other's place the suspect's siblings are followed."""
     relations = laws.relations
-    movement = relations.movement(laws.r)
     pairs = set()
     for i in suspects:
         law = laws.law(i)
         beside = set(relations.siblings(i))
         fits = np.zeros(len(relations.columns), dtype=np.bool_)
         if law is not None:
-            fits = np.std(movement - law.said, axis=1) <= 2.0 * law.usual
+            fits = np.std(laws.movement - law.said, axis=1) <= 2.0 * law.usual
         for j in here:
             # a sibling is no judge of its own exchange: without it the law is another one
             if j != i and _kind(relations, i) == _kind(relations, j) and (j in beside or fits[j]):
@@ -196,44 +237,46 @@ def _exchange(laws: _Laws, i: int, j: int) -> tuple[_Proof, _Proof] | None:
 
 def _proof(laws: _Laws, own: int, other: int) -> _Proof | None:
     """What the exchange does to one channel; None if it then is farther off its siblings than in the other runs."""
-    relations, r, law = laws.relations, laws.r, laws.law(own, other)
+    relations, law = laws.relations, laws.law(own, other)
     if law is None:
         return None
-    after = float(np.std(relations.movement(r)[other] - law.said))
+    after = float(np.std(laws.movement[other] - law.said))
     if after > 2.0 * law.usual:
         return None
     # a near twin fits in every run: the other column must fit here as it does nowhere else
-    cross = [_mismatch(relations, law.beside, law.weights, o, other) for o in law.known]
+    cross = [_mismatch(relations.movement(o), law.beside, law.weights, other) for o in law.known]
     proved = law.before > _least(relations, own) and after < 0.4 * float(np.median(cross))
     # one that drifts off later in the run fits at first
-    early = [_mismatch(relations, law.beside, law.weights, r, column, share=0.35) for column in (own, other)]
+    early = [_mismatch(laws.movement, law.beside, law.weights, column, share=0.35) for column in (own, other)]
     strength = law.before / max(after, law.usual) if proved else 0.0
     return _Proof(own, other, law.before, after, strength, early[0] > 1.5 * early[1])
 
 
-def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool) -> Iterator[Finding]:
+def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool, alone: bool) -> Iterator[Finding]:
     run = relations.runs[r]
     own, other = (relations.survey.channels[relations.columns[k]] for k in (proof.own, proof.other))
     does = "Both channels are left out of this run." if acts else "So few runs do not prove it: nothing is left out."
+    repair = f'[runs."{run}"] with swap = [["{own.name}", "{other.name}"]]'
+    told = "have changed places" if alone else "or the others that move like them have changed places"
+    advice = f"Say it in the machine file: {repair}." if alone else f"Look at the plugs. If it is these two: {repair}."
     for channel, partner in ((own, other), (other, own)):
         yield FINDINGS.finding(
             "swapped-channels",
-            f"{own.name} and {other.name} have changed places in run {run}: what stands under {own.name} is off by "
+            f"{own.name} and {other.name} {told} in run {run}: what stands under {own.name} is off by "
             f"{difference(proof.before, own)} from what the siblings of {own.name} say, what stands under "
             f"{other.name} by only {difference(proof.after, own)}.",
             Where(channel.name, run),
-            {"other": partner.name, "mismatch": proof.before, "mismatch_after_swap": proof.after},
-            f'Say it in the machine file: [runs."{run}"] with swap = [["{own.name}", "{other.name}"]]. {does}',
+            ({"other": partner.name} if alone else {"perhaps": partner.name})
+            | {"mismatch": proof.before, "mismatch_after_swap": proof.after},
+            f"{advice} {does}",
             "leave-out-channel" if acts else "none",
             level="error" if acts else "warning",
         )
 
 
-def _mismatch(
-    relations: Relations, siblings: Sequence[int], weights: Floats, r: int, column: int, share: float = 1.0
-) -> float:
+def _mismatch(movement: Floats, siblings: Sequence[int], weights: Floats, column: int, share: float = 1.0) -> float:
     """Standard deviation of a column minus what a channel's siblings say, in the first part of a run."""
-    off = relations.movement(r)[column] - relations.prediction(siblings, weights, r)
+    off = movement[column] - weights @ movement[list(siblings)]
     return float(np.std(off[: max(1, int(share * off.size))]))
 
 

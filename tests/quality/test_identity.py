@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 
+from selector.findings import Finding
 from selector.quality import identity
 from selector.quality import siblings as relations_module
 from selector.quality.identity import swapped
 from selector.quality.siblings import Relations
 from selector.quality.survey import Survey
+from selector.readers.roles.repairs import proposed
 from selector.recording import Channel, Recording
 from tests.quality.workshop import plain_recording, plain_tables
 
@@ -73,6 +76,47 @@ def test_a_swap_is_found_in_the_run_it_is_in(runs: int) -> None:
         ("T1", "r2", "leave-out-channel"),
         ("T4", "r2", "leave-out-channel"),
     ]
+
+
+def _twins(runs: int = 5, beside: bool = True) -> dict[str, pd.DataFrame]:
+    """Two pairs of thermometers at one place each; `beside`: others to which the heat of both comes."""
+    tables = {}
+    for r in range(runs):
+        rng = np.random.default_rng(40 + r)
+        heat = np.repeat(rng.uniform(0, 1, (8, 3)), 60, axis=0)
+        fast = [lfilter([0.02], [1, -0.98], 10.0 * heat[:, k]) for k in range(3)]
+        slow = [lfilter([0.01], [1, -0.99], course) for course in fast]
+        courses = {"A1": fast[0], "A2": 0.9 * fast[0], "B1": fast[1], "B2": 0.9 * fast[1]}
+        if beside:
+            courses |= {"near A": 0.6 * fast[0] + 0.2 * slow[0], "near B": 0.6 * fast[1] + 0.2 * slow[1], "C": fast[2]}
+        noisy = {name: 20 + course + rng.normal(0, 0.03, len(course)) for name, course in courses.items()}
+        tables[f"r{r}"] = pd.DataFrame(noisy, index=60.0 * np.arange(480))
+    return tables
+
+
+def _swaps(tables: dict[str, pd.DataFrame]) -> list[Finding]:
+    channels = [Channel(name, "temperature", "degC") for name in tables["r0"]]
+    return list(swapped(Relations(Survey(Recording.from_runs(tables, channels)))))
+
+
+@pytest.mark.parametrize("pair", [["A1", "B1"], ["A2", "B2"], ["A1", "B2"]])
+def test_of_twins_those_are_named_that_changed_places(pair: list[str]) -> None:
+    tables = _twins()
+    tables["r3"][pair] = tables["r3"][pair[::-1]].to_numpy()
+    found = _swaps(tables)
+    assert sorted((one.where.channel, one.where.run, one.evidence["other"]) for one in found) == [
+        (pair[0], "r3", pair[1]),
+        (pair[1], "r3", pair[0]),
+    ]
+
+
+def test_where_nothing_tells_which_of_the_twins_changed_places_all_are_left_out_and_no_repair_is_proved() -> None:
+    tables = _twins(beside=False)
+    tables["r3"][["A1", "B1"]] = tables["r3"][["B1", "A1"]].to_numpy()
+    found = _swaps(tables)
+    assert sorted(one.where.channel for one in found) == ["A1", "A2", "B1", "B2"]
+    assert {one.action for one in found} == {"leave-out-channel"}
+    assert proposed({}, found) == {}
 
 
 def _alike(sensors: int) -> Recording:

@@ -60,7 +60,7 @@ def proposed(runs: Mapping[str, RunSection], findings: Iterable[Finding]) -> dic
         section = found.get(run, RunSection())
         touched = {one for pair in section.swap for one in pair} | set(section.channels)
         other, unit = finding.evidence.get("other"), finding.evidence.get("unit")
-        if finding.id == SWAPPED_CHANNELS and not touched & {name, other}:
+        if finding.id == SWAPPED_CHANNELS and other is not None and not touched & {name, other}:
             found[run] = section.model_copy(update={"swap": (*section.swap, (name, other))})
         elif finding.id == WRONG_UNIT and unit is not None and name not in touched:
             channels = {**section.channels, name: RunChannelSection(unit=unit)}
