@@ -19,6 +19,7 @@ from selector.selection.result_file import selection_of
 from selector.selection.survey import gauge_noise
 from selector.shipped import shipped
 from selector.study import options_of, parsed_study, study_of, study_text
+from selector.telling.selected.advice import advice
 
 PATENT = "Z_embodiment2 ~ T1 + T3 + T1:T3 + T5"
 
@@ -118,6 +119,9 @@ def test_a_target_that_nothing_reaches_is_told(milling):
     selection = select(milling, Options(responses=("Z",), target=0.1))
     missed = next(finding for finding in selection.findings if finding.id == "target-missed")
     assert missed.evidence["heldout_rmse_um"]["Z"] == pytest.approx(selection.proof.rmse_um("Z"))
+    verdict, (first, *_) = advice(selection)
+    assert verdict != "good"
+    assert first.index("0.1 µm") < first.index("Keep sensor")
 
 
 def test_a_wider_margin_takes_fewer_sensors(milling):

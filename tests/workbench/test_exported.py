@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import pytest
 from dash import html
+from plotly.utils import PlotlyJSONEncoder
 from typer.testing import CliRunner
 
 from selector.cli import app
@@ -16,7 +18,7 @@ from selector.readers import Overrides
 from selector.shipped import shipped
 from selector.workbench.bench import Bench
 from selector.workbench.commands import Export, export_command
-from selector.workbench.pages import export
+from selector.workbench.pages import export, selection
 from selector.workbench.parts import differing_fields
 
 PATENT = shipped("patent8")
@@ -79,3 +81,16 @@ def test_programs_are_shown_as_text_but_no_archive(study, target, shown):
     assert [one.children for one in section._traverse() if isinstance(one, html.Summary)] == shown
     files = [one.children for one in section._traverse() if isinstance(one, html.A)]
     assert TARGETS[target].parts[0].file in files
+
+
+@pytest.mark.parametrize("is_useless", [False, True])
+def test_the_report_alone_says_what_to_keep_and_a_useless_model_leads_to_no_control(study, is_useless):
+    result = json.loads((study / "selection" / "selection.json").read_text())
+    assert not [one for one in result["findings"] if one["id"] == "no-better-than-nothing"]
+    if is_useless:
+        result["findings"].append({"id": "no-better-than-nothing"})
+    bench = SimpleNamespace(folder=study, result=lambda _: result)
+    said = json.dumps(selection._answered(bench, "", None).to_plotly_json(), cls=PlotlyJSONEncoder)
+    assert "Keep " not in said
+    assert "selection/report.html" in said
+    assert ("#export" in said) != is_useless

@@ -31,7 +31,11 @@ def advice(selection: Selection) -> tuple[Verdict, tuple[str, ...]]:
     if useless:
         first = f"Do not use the model of {listed(useless)}; for {listed(useful)}, {keep[0].lower()}{keep[1:]}. {gain}"
         return "bad", (first, *warnings, *more)
-    return "good", (f"{keep}. {gain}", *more)
+    first = f"{keep}. {gain}"
+    for missed in (one.evidence for one in selection.findings if one.id == "target-missed"):
+        beyond = listed(list(missed["heldout_rmse_um"]))
+        return "plain", (f"{missed['target_um']:g} µm are not reached in {beyond}. {first}", *more)
+    return "good", (first, *more)
 
 
 def useless_responses(selection: Selection) -> frozenset[str]:

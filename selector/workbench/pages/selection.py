@@ -8,14 +8,14 @@ import dash
 from dash import html
 from dash.development.base_component import Component
 
-from selector.number_text import number_text
 from selector.selection import Options
+from selector.telling.selected.advice import USELESS
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.boxes import Box, Boxes, one_of, several, tick
 from selector.workbench.commands import SELECTION, option_arguments, option_of
 from selector.workbench.study_folder import no_recordings
-from selector.workbench.typed import FIELDS, in_words_of_fields
+from selector.workbench.typed import FIELDS
 
 ID, TITLE = "selection", "Selection"
 
@@ -119,15 +119,10 @@ def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
     result = bench.result(f"{SELECTION}/selection.json")
     if result is None:
         return None
-    chosen = result["chosen"]
-    errors = [f"{name} {number_text(model['heldout_rmse_um'])} µm" for name, model in result["models"].items()]
-    kept = [
-        html.P(f"Keep {', '.join(chosen['sensors'])}.", className="first"),
-        html.P(f"Error on runs that the model has not seen, rms: {', '.join(errors)}."),
-        html.P(in_words_of_fields(chosen["because"])),
-        html.P(["Next: ", html.A("the program for your control", href="#export"), "."]),
-    ]
-    return parts.answer(bench, SELECTION, _FILES, "Report of the selection", stamp, html.Div(kept, className="advice"))
+    # the report begins with what to keep, or with that the model is not to be used
+    is_of_use = all(finding["id"] != USELESS for finding in result["findings"])
+    then = [html.P(["Next: ", html.A("the program for your control", href="#export"), "."])] if is_of_use else []
+    return parts.answer(bench, SELECTION, _FILES, "Report of the selection", stamp, *then)
 
 
 def _level_text(level: float | tuple[float, ...] | None) -> str:
