@@ -36,9 +36,8 @@ def csv_text(names: Sequence[str], rows: Iterable[Sequence[object]] = ()) -> str
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(map(defused, names))
-    writer.writerows([_cell(cell) for cell in row] for row in rows)
+    for row in rows:
+        writer.writerow(
+            defused(cell) if isinstance(cell, str) and not _NUMBER.fullmatch(cell) else cell for cell in row
+        )
     return text.getvalue()
-
-
-def _cell(cell: object) -> object:
-    return defused(cell) if isinstance(cell, str) and not _NUMBER.fullmatch(cell) else cell

@@ -32,6 +32,18 @@ def number_text(value: float | None, digits: int = 3) -> str:
     return f"{value:.{decimals}f}".replace("-", "−")
 
 
+def span_text(seconds: float | None) -> str:
+    """A time span in the unit that makes it readable, e.g. ``"1 h 30 min"``."""
+    if seconds is None or not math.isfinite(seconds):
+        return "–"
+    if abs(seconds) < 60:
+        return f"{seconds:.3g} s"
+    minutes = round(seconds / 60)
+    if minutes < 60:
+        return f"{seconds / 60:.3g} min"
+    return f"{minutes // 60} h {minutes % 60} min" if minutes % 60 else f"{minutes // 60} h"
+
+
 def listed(names: Sequence[str], word: str = "and") -> str:
     """Names in a sentence."""
     return "".join(names) if len(names) < 2 else ", ".join(names[:-1]) + f" {word} " + names[-1]

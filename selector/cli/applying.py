@@ -18,7 +18,7 @@ from selector.findings import Finding
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from selector.controllers.application import Accuracy, Application
+    from selector.controllers.application import Application
     from selector.controllers.model_file import ModelFile
 
 
@@ -79,7 +79,10 @@ def _show(console: Console, application: Application, *, everything: bool) -> No
         shown = f"The {most} largest errors of {len(of_runs)}; --all shows all. "
         of_runs.sort(key=lambda one: -(one[2].rmse_um or 0.0))
     everywhere = [("all runs", name, of) for name, of in application.overall.items()]
-    rows = [(run, name, *_cells(of)) for run, name, of in (*of_runs[:most], *everywhere)]
+    rows = [
+        (run, name, of.rmse_um, of.max_um, of.before_rmse_um, of.before_max_um)
+        for run, name, of in (*of_runs[:most], *everywhere)
+    ]
     columns = ["run", "response", "RMS error", "largest", "RMS before", "largest before"]
     console.print(showing.table("Displacement with and without compensation [µm]", columns, rows, numeric=columns[2:]))
     console.print(
@@ -88,7 +91,3 @@ def _show(console: Console, application: Application, *, everything: bool) -> No
         markup=False,
     )
     showing.show_findings(console, application.findings, everything=everything)
-
-
-def _cells(accuracy: Accuracy) -> tuple[float | None, ...]:
-    return accuracy.rmse_um, accuracy.max_um, accuracy.before_rmse_um, accuracy.before_max_um

@@ -10,7 +10,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.finding_table import SLOW_REMAINDER, SMALL_MISFIT, UNRECORDED_SWITCH
 from selector.diagnosis.shown_units import displayed
-from selector.number_text import listed, number_text
+from selector.number_text import listed, number_text, span_text
 
 _STEPS = {
     "miscalibrated": "Give the simulation the offset, gain and delay below; no new physics is needed.",
@@ -156,23 +156,13 @@ def amount(value: float, unit: str) -> str:
     return f"{number_text(factor * value)} {shown}".strip()
 
 
-def duration_words(seconds: float) -> str:
-    """A time from the start of a run."""
-    if abs(seconds) < 120.0:
-        return f"{number_text(seconds)} s"
-    minutes = round(seconds / 60.0)
-    if minutes < 60:
-        return f"{minutes} min"
-    return f"{minutes // 60} h {minutes % 60} min" if minutes % 60 else f"{minutes // 60} h"
-
-
 def place_words(place: Place) -> str:
     """A box of the mismatch in words."""
     parts = [place.channel]
     if place.run is not None:
         window = place.run
         if place.from_s is not None and place.to_s is not None:
-            window += f" from {duration_words(place.from_s)} to {duration_words(place.to_s)}"
+            window += f" from {span_text(place.from_s)} to {span_text(place.to_s)}"
         parts.append(window)
     if place.regime:
         parts.append(f"at {place.regime}" if place.regime.endswith(" Hz") else f"while {place.regime}")

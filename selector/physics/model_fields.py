@@ -95,15 +95,17 @@ def numbers_in(value: Any, path: Key) -> Iterator[Key]:
         yield path
 
 
-def put_at(values: Any, path: Key, number: float) -> None:
-    """Sets a number; arrays on the way become lists, which can be changed, and sections that lack are made."""
+def put_at(values: Any, path: Key, value: Any) -> None:
+    """Sets what stands at a place; sections that lack are made, arrays become lists and grow by one."""
     for part, following in pairwise(path):
         if isinstance(values, dict) and part not in values:
             values[part] = [] if isinstance(following, int) else {}
         if isinstance(values[part], tuple):
             values[part] = list(values[part])
+        if isinstance(values[part], list) and following == len(values[part]):
+            values[part].append({})
         values = values[part]
-    values[path[-1]] = number
+    values[path[-1]] = value
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Whether every channel is itself: no copy of another one, and not in another one's place in some run."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,7 +75,8 @@ class _Proof:
     """How well channel `own` of one run is replaced by the column of channel `other`.
 
     `before`, `after`: mismatch with its siblings as recorded and exchanged [unit]; `strength`: by how much the first
-    exceeds the second and what is usual, 0 if nothing is proved; `at_once`: so already early in the run.
+    exceeds the second and what is usual, 0 if nothing is proved; `at_once`: so already early in the run; `weak`: the
+    strength of the reverse.
     """
 
     own: int
@@ -84,6 +85,12 @@ class _Proof:
     after: float
     strength: float
     at_once: bool
+    weak: float = 0.0
+
+    @property
+    def both(self) -> set[int]:
+        """The two channels."""
+        return {self.own, self.other}
 
 
 @dataclass(frozen=True)
@@ -149,49 +156,43 @@ def swapped(relations: Relations) -> Iterator[Finding]:
     siblings = [relations.siblings(i) for i in range(len(relations.columns))]
     for r in range(count) if count > 2 else [1]:
         training = [o for o in range(count) if o != r]
-        here = [i for i, beside in enumerate(siblings) if beside and relations.present[i, r]]
-        here = [i for i in here if relations.present[i].sum() > 1]
+        here = [i for i, of in enumerate(siblings) if of and relations.present[i, r] and relations.present[i].sum() > 1]
         laws = _Laws(relations, r, training, relations.movement(r))
         pairs = _proved(laws, here)
         while pairs:
-            best = max(pairs, key=lambda pair: pair[0].strength + pair[1].strength)
-            both = {best[0].own, best[0].other}
-            left = _proved(_exchanged(laws, best), [i for i in here if i not in both])
-            # what that exchange explains as well: the near twins of both, which then follow their siblings again
-            still = [{one.own, one.other} for one, _ in left]
-            rivals = [one for one in pairs if not both & (two := {one[0].own, one[0].other}) and two not in still]
-            if rivals:
-                best, *rivals = _by_the_rest(laws, [best, *rivals])
-            for strong, weak in (best, *rivals):
-                acts = len(training) > (1 if weak.strength >= _TIMES else 2)
-                yield from _told(relations, r, strong, acts=acts, alone=not rivals)
-            here = [i for i in here if i not in {k for one, _ in (best, *rivals) for k in (one.own, one.other)}]
-            laws = laws if rivals else _exchanged(laws, best)
+            best = max(pairs, key=lambda pair: pair.strength + pair.weak)
+            left = [one.both for one in _proved(_exchanged(laws, best), [i for i in here if i not in best.both])]
+            # that exchange explains the near twins of both, too, which then follow their siblings again
+            told = [best, *(one for one in pairs if not one.both & best.both and one.both not in left)]
+            told = _by_the_rest(laws, told) if len(told) > 1 else told
+            for one in told:
+                acts = len(training) > (1 if one.weak >= _TIMES else 2)
+                yield from _told(relations, r, one, acts=acts, alone=len(told) == 1)
+            here = [i for i in here if not any(i in one.both for one in told)]
+            laws = _exchanged(laws, told[0]) if len(told) == 1 else laws
             pairs = _proved(laws, here)
 
 
-def _proved(laws: _Laws, here: list[int]) -> list[tuple[_Proof, _Proof]]:
-    """The stronger and the weaker proof of every pair of these channels that has changed places."""
-    relations, r, training, pairs = laws.relations, laws.r, laws.training, []
+def _proved(laws: _Laws, here: list[int]) -> list[_Proof]:
+    """Of every pair of these channels that has changed places, the stronger proof."""
+    relations, r, training = laws.relations, laws.r, laws.training
     suspects = [i for i in here if relations.off_by_others(i)[0][r] > _least(relations, i)]
-    for i, j in _candidates(laws, here, suspects):
-        proofs = _exchange(laws, i, j)
-        if proofs is not None and len(training) >= 2 * _REFERENCES:
-            proofs = _exchange(_Laws(relations, r, training, laws.movement, most=len(training)), i, j)
-        if proofs is not None:
-            pairs.append(proofs)
-    return pairs
+    proofs = [_exchange(laws, i, j) for i, j in _candidates(laws, here, suspects)]
+    if len(training) >= 2 * _REFERENCES:
+        whole = _Laws(relations, r, training, laws.movement, most=len(training))
+        proofs = [_exchange(whole, one.own, one.other) for one in proofs if one is not None]
+    return [one for one in proofs if one is not None]
 
 
-def _exchanged(laws: _Laws, pair: tuple[_Proof, _Proof]) -> _Laws:
-    movement, (i, j) = laws.movement.copy(), (pair[0].own, pair[0].other)
-    movement[[i, j]] = movement[[j, i]]
+def _exchanged(laws: _Laws, pair: _Proof) -> _Laws:
+    movement = laws.movement.copy()
+    movement[[pair.own, pair.other]] = movement[[pair.other, pair.own]]
     return _Laws(laws.relations, laws.r, laws.training, movement, laws.most)
 
 
-def _by_the_rest(laws: _Laws, pairs: list[tuple[_Proof, _Proof]]) -> list[tuple[_Proof, _Proof]]:
+def _by_the_rest(laws: _Laws, pairs: list[_Proof]) -> list[_Proof]:
     """Of exchanges that explain each other the one that channels of none of them clearly tell; else all of them."""
-    doubtful = sorted({k for one, _ in pairs for k in (one.own, one.other)})
+    doubtful = sorted(set().union(*(one.both for one in pairs)))
     judges = {i: law for i in doubtful if (law := laws.law(i, *(k for k in doubtful if k != i))) is not None}
     off = []
     for pair in pairs:
@@ -219,8 +220,8 @@ def _candidates(laws: _Laws, here: list[int], suspects: list[int]) -> list[tuple
     return sorted(pairs)
 
 
-def _exchange(laws: _Laws, i: int, j: int) -> tuple[_Proof, _Proof] | None:
-    """The stronger and the weaker proof that two channels have changed places in a run, or None."""
+def _exchange(laws: _Laws, i: int, j: int) -> _Proof | None:
+    """The stronger proof that two channels have changed places in a run, or None."""
     both = laws.law(i, j), laws.law(j, i)
     # no proof is stronger than this
     if not any(law is not None and law.before >= _TIMES * law.usual for law in both):
@@ -232,7 +233,7 @@ def _exchange(laws: _Laws, i: int, j: int) -> tuple[_Proof, _Proof] | None:
     strong, weak = (one, two) if one.strength >= two.strength else (two, one)
     # one channel may be too independent of the rest to prove anything, if the other one proves it alone
     alone = strong.strength >= _TIMES_ALONE and strong.at_once
-    return (strong, weak) if weak.strength >= _TIMES or alone else None
+    return replace(strong, weak=weak.strength) if weak.strength >= _TIMES or alone else None
 
 
 def _proof(laws: _Laws, own: int, other: int) -> _Proof | None:

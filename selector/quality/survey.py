@@ -216,11 +216,9 @@ _UNITS = {"degC": "°C", "um": "µm", "1": ""}
 
 def duration(seconds: float) -> str:
     """A duration as people say it, e.g. ``"45 s"``, ``"12 min"``, ``"3.5 h"``."""
-    if seconds < 120:
+    if abs(seconds) < 120:
         return f"{seconds:.3g} s"
-    if seconds < 7200:
-        return f"{seconds / 60:.3g} min"
-    return f"{seconds / 3600:.3g} h"
+    return f"{seconds / 60:.3g} min" if abs(seconds) < 7200 else f"{seconds / 3600:.3g} h"
 
 
 def moment(seconds: float) -> str:

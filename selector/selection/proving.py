@@ -107,17 +107,14 @@ def error_curve(library: Library, outer: Grouping, choices: Sequence[Choice]) ->
 
     A fold whose groups allow no set of a size takes its largest smaller one.
     """
-    sizes = sorted({size for choice in choices for size in choice.by_size})
+    by_size = [choice.by_size for choice in choices]
+    sizes = sorted(set().union(*by_size))
     loo = LeaveOneOut.of(library.moments, outer)
     return tuple(
-        error_curve_point(size, _held_out(library, loo, [_of_size(choice, size) for choice in choices]))
+        error_curve_point(size, _held_out(library, loo, [of[max(k for k in of if k <= size)] for of in by_size]))
         for size in sizes
-        if all(min(choice.by_size) <= size for choice in choices)
+        if all(min(of) <= size for of in by_size)
     )
-
-
-def _of_size(choice: Choice, size: int) -> Trial:
-    return choice.by_size[max(known for known in choice.by_size if known <= size)]
 
 
 def baselines(

@@ -227,15 +227,17 @@ def grouped_remarks(findings: Iterable[Finding], *levels: str) -> tuple[Remark, 
 def next_steps(findings: Iterable[Finding], *then: str, most: int = 3) -> Items:
     """What the worst findings advise, and what comes then."""
     advised = [
-        f"{one.place}: {one.suggestion}" if one.place else f"{_sentence(one.statement)} {_sentence(one.suggestion)}"
+        f"{one.place}: {one.suggestion}" if one.place else f"{sentence(one.statement)} {sentence(one.suggestion)}"
         for one in grouped_remarks(findings, "error", "warning")
         if one.suggestion
     ]
-    return Items((*(_sentence(text) for text in advised[:most]), *then), are_steps=True)
+    return Items((*(sentence(text) for text in advised[:most]), *then), are_steps=True)
 
 
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "?")) else ".")
+def sentence(text: str) -> str:
+    """The text with a capital and a full stop; λ stays as it is."""
+    first = text[:1] if text[:1] == "λ" else text[:1].upper()
+    return first + text[1:] + ("" if text.endswith((".", "?")) else ".")
 
 
 def _remark(one: Finding) -> Remark:
@@ -253,7 +255,7 @@ def _of_several(findings: Sequence[Finding]) -> Remark:
     for word, found in (("in", [of.where.channel for of in findings]), ("in run", [of.where.run for of in findings])):
         names = list(dict.fromkeys(name for name in found if name))
         where += [f"{word}{'s' * (word == 'in run' and len(names) > 1)} {named(names)}"] if names else []
-    told = _sentence(f"{kind.title}: {', '.join([f'{len(findings)} times', *where])}")
+    told = sentence(f"{kind.title}: {', '.join([f'{len(findings)} times', *where])}")
     is_one = len({one.suggestion for one in findings}) == 1
     return Remark(first.level, told, "", ACTIONS[first.action], first.suggestion if is_one else kind.advice)
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from selector.adaptation.judged import KINDS, LEVEL, Accuracy, Judged
 from selector.adaptation.result import Adaptation
-from selector.number_text import number_text
+from selector.number_text import number_text, span_text
 from selector.telling import origin
 from selector.telling.account import (
     Account,
@@ -22,7 +22,7 @@ from selector.telling.account import (
     table,
     warnings_section,
 )
-from selector.telling.numbers import share_text, span_text
+from selector.telling.numbers import share_text
 from selector.telling.origin import label_text
 
 MOST_DRAWN = 6  #: Runs of a response that are drawn, the worst ones.

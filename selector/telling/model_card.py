@@ -4,7 +4,7 @@ from selector.controllers.closed_values import Adaptation
 from selector.controllers.evaluator import formula_text, legend_text
 from selector.controllers.model_file import Input, ModelFile, equations_sha256, model_sha256
 from selector.controllers.self_check import model_findings
-from selector.number_text import number_text
+from selector.number_text import number_text, span_text
 from selector.telling.account import (
     Account,
     Block,
@@ -18,7 +18,7 @@ from selector.telling.account import (
     remarks_of,
     table,
 )
-from selector.telling.numbers import NONE, span_text, uncertain_text
+from selector.telling.numbers import NONE, uncertain_text
 
 STANDARD = "ISO/TR 16907:2015, clause 12"
 

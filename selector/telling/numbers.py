@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable
 
 from selector.findings import Where
-from selector.number_text import SUPERSCRIPTS, number_text
+from selector.number_text import SUPERSCRIPTS, number_text, span_text
 
 NONE = "–"
 
@@ -70,18 +70,6 @@ def beside_text(value: float, scale: float) -> str:
 def share_text(value: float) -> str:
     """A share as a percentage."""
     return f"{100 * value:.0f} %" if math.isfinite(value) else NONE
-
-
-def span_text(seconds: float | None) -> str:
-    """A time span in the unit that makes it readable, e.g. ``"1 h 30 min"``."""
-    if seconds is None or not math.isfinite(seconds):
-        return NONE
-    if abs(seconds) < 60:
-        return f"{seconds:.3g} s"
-    minutes = round(seconds / 60)
-    if minutes < 60:
-        return f"{seconds / 60:.3g} min"
-    return f"{minutes // 60} h {minutes % 60} min" if minutes % 60 else f"{minutes // 60} h"
 
 
 def span_range(seconds: Iterable[float]) -> str:

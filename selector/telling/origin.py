@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 from selector import __version__
-from selector.number_text import number_text
+from selector.number_text import number_text, span_text
 from selector.selection import Selection
 from selector.telling.account import Account, Captioned, Section, Table, legend, named, table
-from selector.telling.numbers import NONE, file_name, given_text, span_range, span_text
+from selector.telling.numbers import NONE, file_name, given_text, span_range
 
 _UNIT_TEXT = {"degC": "°C", "degF": "°F", "um": "µm", "kelvin": "K", "1": NONE}
 

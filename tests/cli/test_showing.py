@@ -17,8 +17,8 @@ from rich.console import Console
 
 from selector.cli.shared import showing
 from selector.findings import Finding, Where
+from selector.number_text import span_text
 from selector.telling.account import Account, captioned, section, sections, table
-from selector.telling.numbers import span_text
 
 FINDING = Finding(
     "stuck-channel",

@@ -12,7 +12,7 @@ from selector.diagnosis.answer import Errors
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
 from selector.diagnosis.effects.thermal._wording import delay_of, told
-from selector.diagnosis.wording import amount, duration_words, headline, held_out_words, name_of, what_to_do
+from selector.diagnosis.wording import amount, headline, held_out_words, name_of, what_to_do
 from selector.findings import Finding, Where
 from tests.diagnosis.answers import answer, memory_effect, zero_effect
 
@@ -210,14 +210,6 @@ def test_held_out_rows_in_words():
     assert held_out_words(of) == "the unseen run r3"
     ends = (np.arange(900) % 300) >= 210
     assert held_out_words(replace(of, held_out=ends)) == "the unseen end of r1, r2 and r3"
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [(6.95, "6.95 s"), (90.0, "90.0 s"), (1800.0, "30 min"), (7000.0, "1 h 57 min"), (7200.0, "2 h")],
-)
-def test_durations(seconds, text):
-    assert duration_words(seconds) == text
 
 
 @pytest.mark.parametrize(

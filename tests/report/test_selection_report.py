@@ -17,9 +17,9 @@ import pytest
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.models.design import design_matrix
-from selector.number_text import listed, number_text
+from selector.number_text import listed, number_text, span_text
 from selector.quality.finding_table import FINDINGS as QUALITY
-from selector.telling.numbers import beside_text, given_text, p_text, place_text, span_text, uncertain_text
+from selector.telling.numbers import beside_text, given_text, p_text, place_text, uncertain_text
 from selector.telling.origin import label_of
 from selector.telling.page import account_page
 from selector.telling.selected import account
@@ -474,4 +474,5 @@ def test_options_have_no_empty_digits():
 def test_places_and_spans():
     assert place_text(Where(channel="T1", run="r1", from_s=5400.0)) == "r1, T1, from 1 h 30 min"
     assert place_text(Where()) == ""
-    assert [span_text(t) for t in (5.0, 90.0, 3600.0, None)] == ["5 s", "1.5 min", "1 h", "–"]
+    told = [span_text(t) for t in (5.0, 90.0, 1800.0, 3600.0, 7000.0, None)]
+    assert told == ["5 s", "1.5 min", "30 min", "1 h", "1 h 57 min", "–"]

@@ -7,7 +7,6 @@ import numpy as np
 
 from selector.diagnosis.answer import Diagnosis, NamedEffect, Place
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import duration
 from selector.diagnosis.effects.data.stuck import LEAP, frozen_stretches, leap_after
 from selector.diagnosis.evidence.naming import input_fault_effect
 from selector.diagnosis.evidence.search import Search
@@ -15,6 +14,7 @@ from selector.diagnosis.matching.usable import LEAST_SAMPLES, fit_of_copy, not_c
 from selector.diagnosis.shapes.input_faults import InputFault
 from selector.diagnosis.shown_units import unit_words
 from selector.diagnosis.wording import headline
+from selector.quality.survey import duration
 from selector.types import Mask
 
 _AS_FAR_OFF = 0.5  #: Of the mean square elsewhere: less of a mismatch says nothing against the readings of a stretch.

@@ -24,8 +24,9 @@ from selector.diagnosis.mismatch.background import (
     wandering,
 )
 from selector.diagnosis.mismatch.location import Variable, variables
-from selector.diagnosis.wording import amount, duration_words
+from selector.diagnosis.wording import amount
 from selector.findings import Finding, Where
+from selector.number_text import span_text
 from selector.types import Matrix, Vector
 
 Rows = Sequence[NDArray[np.intp]]
@@ -492,7 +493,7 @@ def told_of_wandering(
         unit = comparison.channel(response).unit
         said = (
             f"What is left in {response} wanders slowly: {amount(size, unit)} rms, correlation time about "
-            f"{duration_words(time_s)}. This record cannot tell noise that wanders from a slow effect that nobody "
+            f"{span_text(time_s)}. This record cannot tell noise that wanders from a slow effect that nobody "
             "recorded."
         )
         evidence = {"correlation_time_s": time_s, "rms": size, "unit": unit, "share_of_variance": share}

@@ -18,9 +18,9 @@ from selector.diagnosis.mismatch.location import LARGE, active_windows, in_words
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import course
-from selector.diagnosis.wording import amount, duration_words
+from selector.diagnosis.wording import amount
 from selector.findings import Finding, Where
-from selector.number_text import listed
+from selector.number_text import listed, span_text
 from selector.types import Matrix, Vector
 
 Lags = tuple[float, ...]  #: Time constants in a row [s]
@@ -455,15 +455,15 @@ def told_of_switches(comparison: Comparison, switches: Mapping[str, Switched]) -
     one = max(switches.values(), key=lambda found: found.gain)
     unit, also = comparison.channel(one.channel).unit, sorted(switches.keys() - {one.channel})
     is_long = comparison.longest_s >= _LONG_S
-    clock = (lambda at_s: str(timedelta(seconds=round(at_s)))) if is_long else duration_words
+    clock = (lambda at_s: str(timedelta(seconds=round(at_s)))) if is_long else span_text
     moments = [f"{change.run} {clock(change.at_s)}" for change in one.changes]
     more = f" and {len(moments) - _LISTED} more" if len(moments) > _LISTED else ""
     within = float(np.median([change.within_s for change in one.changes]))
     size = float(np.median([abs(change.size) for change in one.changes]))
-    follows = f"with time constants of {duration_words(sum(one.lags_s))} together" if one.lags_s else "at once"
+    follows = f"with time constants of {span_text(sum(one.lags_s))} together" if one.lags_s else "at once"
     statement = (
         f"Something that nobody recorded was switched, by what {one.channel} shows, at {', '.join(moments[:_LISTED])}"
-        f"{more} ({'h:min:s ' * is_long}from the start of the run, ±{duration_words(within)}): {one.channel} follows "
+        f"{more} ({'h:min:s ' * is_long}from the start of the run, ±{span_text(within)}): {one.channel} follows "
         f"{follows}, by about {amount(size, unit)}.{f' It shows in {listed(also)}, too.' if also else ''}"
     )
     evidence = {"changes": [vars(change) for change in one.changes], "lags_s": list(one.lags_s), "unit": unit}

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, Literal
@@ -17,7 +16,7 @@ import pandas as pd
 
 from selector.errors import InputError, OptionError, ReadError
 from selector.findings import Finding
-from selector.physics.model_fields import Parameter, model_file_text
+from selector.physics.model_fields import Parameter, model_file_text, put_at
 from selector.physics.model_text import Key, plain_values
 from selector.physics.simulation_kind import Columns, RunSettings, SimulationKind, simulation_kinds
 from selector.recording import Recording
@@ -97,7 +96,7 @@ class OwnModel:
         """
         plain = copy.deepcopy(plain_values(self.file))
         for path, value in changes:
-            _put(plain, path, value)
+            put_at(plain, path, value)
         return dataclasses.replace(self, file=self._checked(plain))
 
     def text(self, head: str = "") -> str:
@@ -109,7 +108,7 @@ class OwnModel:
         file = self._kind.quiet(self.file)
         if self.step_s is not None:
             plain = copy.deepcopy(plain_values(file))
-            _put(plain, ("run", "step_s"), self.step_s)
+            put_at(plain, ("run", "step_s"), self.step_s)
             file = self._checked(plain)
         return self._model(file)
 
@@ -204,19 +203,6 @@ def _said(values: Any, path: tuple[str, ...] = ()) -> set[str]:
 def _is_known(name: str) -> bool:
     parts = name.split(".")
     return any(part in _KNOWN for part in parts[:-1]) or _INSEPARABLE in parts
-
-
-def _put(values: Any, path: Key, value: Any) -> None:
-    """Sets what stands at a place; sections that lack are made, arrays become lists and grow by one."""
-    for part, following in pairwise(path):
-        if isinstance(values, dict) and part not in values:
-            values[part] = [] if isinstance(following, int) else {}
-        if isinstance(values[part], tuple):
-            values[part] = list(values[part])
-        if isinstance(values[part], list) and following == len(values[part]):
-            values[part].append({})
-        values = values[part]
-    values[path[-1]] = value
 
 
 _REALS = ("Real", "Float64", "Float32")

@@ -9,16 +9,8 @@ from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, recal
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.shown_units import displayed, p_words, unit_words
-from selector.diagnosis.wording import (
-    amount,
-    duration_words,
-    headline,
-    name_of,
-    sure_words,
-    suspicion_words,
-    what_to_do,
-)
-from selector.number_text import listed, number_text
+from selector.diagnosis.wording import amount, headline, name_of, sure_words, suspicion_words, what_to_do
+from selector.number_text import listed, number_text, span_text
 from selector.telling import origin
 from selector.telling.account import (
     Account,
@@ -38,7 +30,7 @@ from selector.telling.account import (
     table,
     warnings_section,
 )
-from selector.telling.numbers import NONE, share_text, span_text
+from selector.telling.numbers import NONE, share_text
 from selector.telling.origin import label_text
 
 MOST_PLACES = 60
@@ -155,7 +147,7 @@ def _places(found: Diagnosis) -> Table:
     note = f"{left} smaller windows are in diagnosis.json." if left > 0 else ""
     rows = []
     for place in places[:MOST_PLACES]:
-        times = [NONE if time is None else duration_words(time) for time in (place.from_s, place.to_s)]
+        times = [NONE if time is None else span_text(time) for time in (place.from_s, place.to_s)]
         state = _STATE_WITHOUT_UNIT.sub("", unit_words(place.regime or NONE))
         cells = [place.channel, place.place or NONE, place.run or "all", *times, state]
         rows.append([*cells, share_text(place.share)])

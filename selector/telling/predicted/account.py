@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from selector.number_text import listed, number_text
+from selector.number_text import listed, number_text, span_text
 from selector.physics.thermal.prediction.correction_program import (
     BestOrder,
     BestWarmUp,
@@ -36,7 +36,7 @@ from selector.telling.account import (
     table,
     warnings_section,
 )
-from selector.telling.numbers import given_text, span_text
+from selector.telling.numbers import given_text
 from selector.telling.origin import label_text
 
 MOST_TOLD = 8  #: Corrections that a sentence can hold; more are in the table.

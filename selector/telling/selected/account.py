@@ -29,6 +29,7 @@ from selector.telling.account import (
     next_steps,
     section,
     sections,
+    sentence,
     table,
 )
 from selector.telling.numbers import NONE, beside_text, p_text, share_text
@@ -290,7 +291,7 @@ def selection_account(
                 "groups",
                 "Why: which sensors move together",
                 *concerning("groups"),
-                Paragraph(_sentence(selection.grouping.because)),
+                Paragraph(sentence(selection.grouping.because)),
                 Captioned("", groups_table(selection)),
                 captioned("Memberships", memberships_table(selection)),
                 *drawings.get("groups", ()),
@@ -419,9 +420,3 @@ def _terms(selection: Selection) -> list[Block]:
         for name in selection.models
         for text, of in (("Coefficients of {}", coefficients_table), ("{}, part by part", runs_table))
     ]
-
-
-def _sentence(text: str) -> str:
-    """The text with a capital and a full stop; λ stays as it is."""
-    first = text[:1] if text[:1] == "λ" else text[:1].upper()
-    return f"{first}{text[1:].rstrip('.')}."

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from selector.models.design import Term
-from selector.number_text import SUPERSCRIPTS, number_text
+from selector.number_text import SUPERSCRIPTS, number_text, span_text
 from selector.selection import Selection
-from selector.telling.numbers import NONE, span_text, uncertain_text
+from selector.telling.numbers import NONE, uncertain_text
 
 
 def formula_text(selection: Selection, response: str) -> str:

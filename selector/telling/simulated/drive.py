@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.json_text import fields_of
-from selector.number_text import number_text
+from selector.number_text import number_text, span_text
 from selector.physics.drive.ball_bar.quantities import paired
 from selector.physics.drive.drive_model import DriveModel
 from selector.physics.drive.drive_summary import (
@@ -30,7 +30,7 @@ from selector.physics.drive.parts.axis import Axis, Friction, Servo, ThreeMassMe
 from selector.physics.drive.trajectory import Motion, ParameterCourse
 from selector.physics.model_text import plain_values
 from selector.telling.account import Account, Block, Captioned, Drawing, Heading, Note, Table, legend, section, table
-from selector.telling.numbers import NONE, ms_text, span_text
+from selector.telling.numbers import NONE, ms_text
 from selector.telling.simulated.ball_bar import ball_bar_data, ball_bar_sentences, ball_bar_tables
 from selector.telling.simulated.result import SAID, THINNED, Drawings, SimulationResult, is_said, simulation_account
 from selector.types import Vector

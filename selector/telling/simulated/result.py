@@ -13,7 +13,7 @@ import numpy as np
 
 from selector.findings import Finding
 from selector.json_text import fields_of
-from selector.number_text import number_text
+from selector.number_text import number_text, span_text
 from selector.physics.channel_differences import ChannelDifference
 from selector.physics.model_text import plain_values
 from selector.physics.simulation_kind import Simulated
@@ -35,7 +35,7 @@ from selector.telling.account import (
     sections,
     table,
 )
-from selector.telling.numbers import NONE, beside_text, given_text, span_text
+from selector.telling.numbers import NONE, beside_text, given_text
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import OptionError
-from selector.number_text import number_text
+from selector.number_text import number_text, span_text
 from selector.physics.model_text import plain_values
 from selector.physics.thermal.drift_quantities import largest_displacement
 from selector.physics.thermal.model_file import FieldFile, MeshFile
@@ -29,7 +29,7 @@ from selector.telling.account import (
     section,
     table,
 )
-from selector.telling.numbers import NONE, span_text
+from selector.telling.numbers import NONE
 from selector.telling.simulated.result import SAID, Origins, SimulationResult, is_said, simulation_account
 
 if TYPE_CHECKING:
@@ -132,15 +132,9 @@ def _first(result: SimulationResult) -> str:
 
 def constants_table(constants: Mapping[str, NDArray[np.float64]]) -> Table:
     """The slowest time constants of every state in which the machine is held [min]."""
-    rows = [
-        (str(number), *(None if value is None else _minutes(value) for value in values))
-        for number, values in enumerate(zip_longest(*constants.values()), start=1)
-    ]
+    said = ([number_text(s / 60) if np.isfinite(s) else "never" for s in of.tolist()] for of in constants.values())
+    rows = [(str(number), *values) for number, values in enumerate(zip_longest(*said), start=1)]
     return table([">mode", *(f">{name} [min]" for name in constants)], rows, legend("thermal.modes"))
-
-
-def _minutes(seconds: float) -> str:
-    return number_text(float(seconds) / 60) if np.isfinite(seconds) else "never"
 
 
 def balance_table(balance: Mapping[str, Any]) -> Table:

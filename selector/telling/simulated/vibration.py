@@ -11,7 +11,7 @@ import numpy as np
 
 from selector.errors import InputError
 from selector.json_text import fields_of
-from selector.number_text import listed, number_text
+from selector.number_text import listed, number_text, span_text
 from selector.physics.vibration.chains import ChainAccuracy
 from selector.physics.vibration.motion.chatter import StabilityLimit
 from selector.physics.vibration.motion.final_motion import ChainMethod, final_receptance
@@ -27,7 +27,7 @@ from selector.physics.vibration.structure.structure import (
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import LineSummary, VibrationSummary
 from selector.telling.account import Account, Block, Drawing, Table, captioned, legend, section, table
-from selector.telling.numbers import share_text, span_text
+from selector.telling.numbers import share_text
 from selector.telling.simulated.result import THINNED, SimulationResult, simulation_account
 from selector.types import Vector
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity, Variant
+from selector.quality.survey import duration
 from selector.types import Mask, Vector
 
 _MOST_MOMENTS = 40
@@ -131,15 +132,6 @@ def window(comparison: Comparison, run: str, first: int, last: int) -> Part:
     from_s, to_s = float(comparison.time_s[first]), float(comparison.time_s[last])
     words = f"run {run} from {duration(from_s)} to {duration(to_s)}"
     return Part((index >= first) & (index <= last), run, words, from_s, to_s)
-
-
-def duration(seconds: float) -> str:
-    """A time with the unit that makes it readable."""
-    size = abs(seconds)
-    for unit, length in (("h", 3600.0), ("min", 60.0), ("s", 1.0)):
-        if size >= 2.0 * length:
-            return f"{seconds / length:.4g} {unit}"
-    return f"{1e3 * seconds:.4g} ms" if size < 1.0 else f"{seconds:.4g} s"
 
 
 def step_unit(unit: str) -> str:

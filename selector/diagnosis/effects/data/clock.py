@@ -5,10 +5,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import Part, duration, everywhere, later_parts, single_runs, whole_runs
+from selector.diagnosis.effects.data._places import Part, everywhere, later_parts, single_runs, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, equally_likely, words_of
 from selector.diagnosis.shapes.input_faults import input_faults
 from selector.diagnosis.shapes.signals import by_run, excited, rate
+from selector.quality.survey import duration
 from selector.types import Vector
 
 #: Shifts, in times that the course takes to change, for which its derivative no longer says what a shift does.
