@@ -7,7 +7,7 @@ from selector.selection.result import MOST_TOLD_FACTOR, PROCEDURE
 from selector.telling.account import Verdict
 
 _UNUSABLE = {"constant-sensor": "never changes", "sensor-missing": "values missing"}
-USELESS = "no-better-than-nothing"
+USELESS, MISSED = "no-better-than-nothing", "target-missed"
 _UNSEEN = {
     "run": "On runs that the model has not seen",
     "condition": "Under conditions that the model has not seen",
@@ -32,7 +32,7 @@ def advice(selection: Selection) -> tuple[Verdict, tuple[str, ...]]:
         first = f"Do not use the model of {listed(useless)}; for {listed(useful)}, {keep[0].lower()}{keep[1:]}. {gain}"
         return "bad", (first, *warnings, *more)
     first = f"{keep}. {gain}"
-    for missed in (one.evidence for one in selection.findings if one.id == "target-missed"):
+    for missed in (one.evidence for one in selection.findings if one.id == MISSED):
         beyond = listed(list(missed["heldout_rmse_um"]))
         return "plain", (f"{missed['target_um']:g} µm are not reached in {beyond}. {first}", *more)
     return "good", (first, *more)
