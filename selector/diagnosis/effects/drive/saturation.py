@@ -52,7 +52,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             for column, what in _shapes(comparison, response, loop, course, level, kind):
                 words = (f"{what} at the limit of {name}",)
                 sources = motion_of(comparison, response).sources
-                yield Variant(column[:, None], words, shape, sources=sources, regime=regime, bounds=((0.0, np.inf),))
+                bounds = ((0.0, np.inf),) if kind == 1.0 else None
+                yield Variant(column[:, None], words, shape, sources=sources, regime=regime, bounds=bounds)
     yield from _followers(comparison, response)
 
 
