@@ -23,6 +23,7 @@ class Overview:
     serving: tuple[tuple[str, int], ...] = ()  #: See `serving`
     watch: FleetWatch | None = None  #: The last one that was kept
     single: tuple[str, ...] = ()  #: Machines with one run, whose error is that of its parts
+    found: Mapping[str, str] = field(default_factory=dict)  #: Machine → the first of what its study found to be mended
 
 
 def overview(results: Path, answer: FleetAnswer) -> Overview:
@@ -30,6 +31,7 @@ def overview(results: Path, answer: FleetAnswer) -> Overview:
     by_run: dict[str, dict[str, tuple[float, ...]]] = {}
     sets: dict[str, Sets] = {}
     single: list[str] = []
+    found: dict[str, str] = {}
     for name, one in answer.machines.items():
         try:
             told = json.loads((results / str(one.key) / "selection.json").read_bytes())
@@ -38,16 +40,22 @@ def overview(results: Path, answer: FleetAnswer) -> Overview:
                 response: tuple(e for run in of if 0.0 < (e := float(run.get("heldout_rmse_um") or 0.0)) < math.inf)
                 for response, of in runs.items()
             }
-            single += [name] * any(finding["id"] == "one-run-only" for finding in told.get("findings", ()))
+            findings = told.get("findings", ())
+            single += [name] * any(finding["id"] == "one-run-only" for finding in findings)
+            grave = [one for one in findings if one["level"] == "error" or one["id"] == "lost-readings-cost"]
+            found |= {name: str(grave[0]["statement"])} if grave else {}
             equal = (told.get("equal_sets") or {}).get("sets", ())
             sets[name] = [frozenset(one.sensors), *(frozenset(of["sensors"]) for of in equal)]
         except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
             continue
     try:
-        watch = FleetWatch.model_validate_json((results / WATCH_FILE).read_bytes())
+        last = FleetWatch.model_validate_json((results / WATCH_FILE).read_bytes())
     except (OSError, ValidationError):
-        watch = None
-    return Overview(by_run, serving(sets), watch, tuple(single))
+        return Overview(by_run, serving(sets), None, tuple(single), found)
+    # what it said of a model that gave way to another one is no longer true
+    used = {None, *(one.key for one in answer.machines.values())}
+    watch = last.model_copy(update={"machines": {name: one for name, one in last.machines.items() if one.key in used}})
+    return Overview(by_run, serving(sets), watch, tuple(single), found)
 
 
 def serving(sets: Mapping[str, Sets]) -> tuple[tuple[str, int], ...]:

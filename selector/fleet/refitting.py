@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
-from selector.controllers.model_file import ModelFile, read_model
+from selector.controllers.model_file import read_model
 from selector.errors import InputError, StorageError
 from selector.findings import Finding
 from selector.fleet.later_runs import by_age, part_of
@@ -50,7 +50,7 @@ def challenge_of(study: Study, champion: Answer, results: Path) -> Challenge | A
     The challenger learns from those before, as many as the model in use had.
     """
     try:
-        model = _model(results, champion)
+        model = read_model(results / str(champion.key) / "model.json")
     except StorageError:
         raise
     except InputError as error:
@@ -114,7 +114,7 @@ def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
     except InputError as error:
         return kept(champion, f"the two models could not be compared: {error}")
     try:
-        before, _ = _applied(_model(results, champion), reading)
+        before, _ = _applied(results / str(champion.key), reading)
     except InputError as error:
         return without_use(
             champion,
@@ -122,12 +122,14 @@ def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
             "put it back, or name it in select.never of this machine, which is then studied anew",
         )
     try:
-        after, wrong = _applied(_model(results, challenger), reading)
+        after, wrong = _applied(results / str(challenger.key), reading)
     except InputError as error:
         return kept(champion, f"the new model could not be applied to the newest recordings: {error}", challenger.key)
-    both = [files[sha256] for sha256 in files if sha256 in challenge.known | challenge.judged]
-    beside = part_of(whole, both).recording
-    faults = _errors(inspect(beside, [name for name in before if name in beside.names]))
+    known, judged = ([sha256 for sha256 in files if sha256 in of] for of in (challenge.known, challenge.judged))
+    # the many say which unit is the usual one: the newest are judged beside all, and as a few beside those known before
+    some = ([*known, *newest] for newest in (judged, judged[-max(1, len(known) // 2) :]))
+    beside = [part_of(whole, [files[sha256] for sha256 in one]).recording for one in some]
+    faults = [said for one in beside for said in _errors(inspect(one, [name for name in before if name in one.names]))]
     if faults or wrong:
         what = "the displacement in them" if faults else "the new model"
         return kept(champion, f"in the newest recordings {what} has an error: {[*faults, *wrong][0]}", challenger.key)
@@ -159,8 +161,8 @@ def _compared(
         because=f"the new model is {how} in {len(runs)} runs that neither has seen",
         challenger=challenger.key,
         runs=tuple(runs),
-        champion_rmse_um=_rms_um(before, runs),
-        challenger_rmse_um=_rms_um({name: after[name] for name in before}, runs),
+        champion_rmse_um=dict(zip(before, np.sqrt(old.mean(axis=1)).tolist(), strict=True)),
+        challenger_rmse_um=dict(zip(before, np.sqrt(new.mean(axis=1)).tolist(), strict=True)),
         least_fall=least,
     )
     # of a model that was replaced nothing need be remembered: what comes after the new one came after the old one, too
@@ -179,17 +181,9 @@ def least_fall(old: Vector, new: Vector) -> float:
     return float(-np.expm1(margin - gain.mean()))
 
 
-def _rms_um(squares: _Squares, runs: Sequence[str]) -> dict[str, float]:
-    return {name: math.sqrt(float(np.mean([of[run] for run in runs]))) for name, of in squares.items()}
-
-
-def _model(results: Path, answer: Answer) -> ModelFile:
-    return read_model(results / str(answer.key) / "model.json")
-
-
-def _applied(model: ModelFile, reading: Reading) -> tuple[_Squares, list[str]]:
-    """What a model leaves in the runs, and what is gravely wrong with that."""
-    application = applied(model, reading)[0]
+def _applied(place: Path, reading: Reading) -> tuple[_Squares, list[str]]:
+    """What the model of an answer leaves in the runs, and what is gravely wrong with that."""
+    application = applied(model := read_model(place / "model.json"), reading)[0]
     per_run = application.per_run
     told = {output.name: {run: of[output.name].rmse_um for run, of in per_run.items()} for output in model.outputs}
     squares = {name: {run: rmse**2 for run, rmse in of.items() if rmse is not None} for name, of in told.items()}

@@ -46,6 +46,8 @@ RANKED_FROM_RUNS = 30.0
 ALIKE_AT_FIRST = 10.0
 UNLIKE = 3.0  #: Two runs in a row beyond this deviate are a change, not likeness: the second counts in full, too.
 LARGEST_CORRELATION = 0.95
+_UNPROVED = f"the model was proved on fewer than {FEWEST_KNOWN} runs: what its errors usually are is not known"
+_UNRECORDED = "no displacement in the new recordings that could be compared: record it in some runs"
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ class Chart:
     limit: float  #: Beyond it there is an alarm
     alarm_at: int | None  #: Which new run raised the alarm
     changed_at: int | None  #: From which new run on the values are others, as far as the sum tells
+    alike: float = 0.0  #: Correlation of a run with the one before it that was allowed for, if enough runs tell it
 
 
 def alarm_limit(runs_between_alarms: float) -> float:
@@ -129,8 +132,8 @@ def _one_sided(deviate: Array, alike: Array, n_new: int, limit: float) -> Chart:
         total = max(0.0, total + min(value, LARGEST_DEVIATE) - SLACK)
         highest = max(highest, total)
         if total > limit:
-            return Chart(highest, limit, i, start)
-    return Chart(highest, limit, None, None)
+            return Chart(highest, limit, i, start, share * (n_known + start > RANKED_FROM_RUNS))
+    return Chart(highest, limit, None, None, share * (n_known + start > RANKED_FROM_RUNS))
 
 
 def _correlations(deviate: Array, *, is_two_sided: bool) -> Array:
@@ -160,6 +163,7 @@ class Watched(Document):
     mean_um: float | None = None  #: Mean error since then, else of all these runs; recorded minus predicted
     highest: float | None = None  #: The cumulative sum at its highest [standard deviations]; None: too few runs
     limit: float | None = None  #: Beyond which there is an alarm
+    alike: float = 0.0  #: Correlation of a run with the one before it; 0 where too few runs tell it
 
 
 class WatchedMachine(Document):
@@ -249,7 +253,7 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
     alarm = any(one.alarm for one in responses.values())
     return WatchedMachine(
         status="alarm" if alarm else "quiet" if judged else "not-judged",
-        error=None if judged else _not_judged(responses),
+        error=None if judged else _UNPROVED if any(one.runs for one in responses.values()) else _UNRECORDED,
         key=answer.key,
         runs=tuple(runs),
         responses=responses,
@@ -292,14 +296,8 @@ def _told(
     """The chart that tells: a shift makes errors larger, too, so that of the mean goes first."""
     goes_first = mean.alarm_at is not None or (size.alarm_at is None and mean.highest >= size.highest)
     first, kind = (mean, "mean") if goes_first else (size, "spread")
-    told: dict[str, Any] = {"highest": first.highest, "limit": first.limit}
+    told: dict[str, Any] = {"highest": first.highest, "limit": first.limit, "alike": max(mean.alike, size.alike)}
     if first.changed_at is not None:
         at = first.changed_at
         told |= {"alarm": kind, "since": runs[at], "mean_um": float(np.average(means[at:], weights=weights[at:]))}
     return told
-
-
-def _not_judged(responses: Mapping[str, Watched]) -> str:
-    if not any(one.runs for one in responses.values()):
-        return "no displacement in the new recordings that could be compared: record it in some runs"
-    return f"the model was proved on fewer than {FEWEST_KNOWN} runs: what its errors usually are is not known"

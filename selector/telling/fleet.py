@@ -54,6 +54,10 @@ def watch_account(watch: FleetWatch, *, title: str = "Fleet") -> Account:
     suspect = [name for name, one in watch.machines.items() if _state(one) in (_STATES["alarm"], _SUSPECT)]
     if suspect:
         sentences.append(f"Look at {', '.join(suspect)}.")
+    alike = [name for name, one in watch.machines.items() if any(of.alike > _ALIKE for of in one.responses.values())]
+    if alike:
+        of = f"Runs of {', '.join(alike)} resemble the one before by more than {_ALIKE:g}"
+        sentences.append(f"{of}: one false alarm a year at most cannot be promised there.")
     is_bad = bool(suspect or counts[_STATES["failed"]])
     return Account(
         title=f"{title}: are the models still true?",
@@ -108,6 +112,7 @@ _STATES = {
 _SUSPECT = "to be looked at"  #: The sums are as before, but a finding of level error says otherwise.
 _ORDER = (_STATES["alarm"], _SUSPECT, *_STATES.values())
 _UNWELL = ("failed", "missing")
+_ALIKE = 0.9  #: Likeness of neighbouring runs beyond which false alarms are more than one a year.
 _CHANGED = {"mean": "the error has shifted", "spread": "the errors have grown"}
 
 
@@ -175,6 +180,7 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
     yield from (f"{name}: {error}" for name, error in unwell[:_MOST_LOOKED_AT])
     if len(unwell) > _MOST_LOOKED_AT:
         yield f"{len(unwell) - _MOST_LOOKED_AT} more machines without an answer stand in the table."
+    yield from (f"{name}, when its model was made: {statement}" for name, statement in beside.found.items())
     if missing:
         yield f"Go on with `selector fleet run`: {_machines(len(missing))} had no turn yet."
     relative = _relative(answer)

@@ -107,6 +107,31 @@ def test_the_last_watch_is_kept_and_comes_first(fleet, tmp_path):
     assert not (tmp_path / "fleet.csv").exists()
 
 
+def test_a_watch_of_a_model_that_gave_way_tells_nothing_of_the_new_one(fleet):
+    asked = read_fleet(fleet)
+    answer = read_answer(asked.results)
+    assert exit_status(["fleet", "watch", str(fleet)]) == 0
+    assert set(overview(asked.results, answer).watch.machines) == {"m0", "m1", "m2", "m3", "m4"}
+    new = answer.machines["m2"].model_copy(update={"key": "another"})
+    answer = answer.model_copy(update={"machines": answer.machines | {"m2": new}})
+    assert set(overview(asked.results, answer).watch.machines) == {"m0", "m1", "m3", "m4"}
+
+
+@pytest.mark.parametrize(("level", "id_"), [("error", "wrong-unit"), ("warning", "lost-readings-cost")])
+def test_what_a_study_found_that_must_be_known_is_among_what_to_do(fleet, tmp_path, level, id_):
+    asked = read_fleet(fleet)
+    shutil.copytree(asked.results, tmp_path / "results")
+    answer = read_answer(tmp_path / "results")
+    place = tmp_path / "results" / answer.machines["m3"].key / "selection.json"
+    told = json.loads(place.read_text(encoding="utf-8"))
+    told["findings"] += [{"id": id_, "level": level, "statement": f"Z in run r{k} …"} for k in (2, 3)]
+    told["findings"].append({"id": "few-runs", "level": "warning", "statement": "that is no fault"})
+    place.write_text(json.dumps(told), encoding="utf-8")
+    items = block(fleet_account(answer, beside=overview(tmp_path / "results", answer)), "next")[0].items
+    assert [item for item in items if item.startswith("m3")] == ["m3, when its model was made: Z in run r2 …"]
+    assert not any("no fault" in item for item in items)
+
+
 def test_a_watch_of_something_else_is_none(fleet):
     asked = read_fleet(fleet)
     (asked.results / WATCH_FILE).write_text("{}", encoding="utf-8")

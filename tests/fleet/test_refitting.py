@@ -133,6 +133,15 @@ def test_where_the_gauge_broke_the_model_stays(fleet, broken):
     assert "has an error" in one.refit.because
 
 
+def test_a_unit_that_most_of_the_later_runs_have_is_no_better_model(fleet):
+    folder = machine(fleet.place.parent / "m", 1, n_runs=ALL + 20)
+    before = read_answer(fleet.results).machines["m"]
+    changed(folder, range(PROVED + 6, ALL + 21), in_mm)
+    one = run_fleet(fleet, Here(), refit=True).machines["m"]
+    assert (one.key, one.refit.promoted) == (before.key, False)
+    assert "mm" in one.refit.because
+
+
 def test_a_model_that_is_worse_than_no_correction_is_not_taken(fleet):
     def halved(table):
         table["Z [um]"] *= 0.5

@@ -52,6 +52,22 @@ def test_runs_that_are_like_the_one_before_are_no_change(like):
     assert alarms < 63
 
 
+def test_likeness_that_costs_the_promise_is_told_and_no_other():
+    rng = np.random.default_rng(6)
+
+    def told(like, shift=0.0):
+        years = [alike(rng, like, 258) for _ in range(40)]
+        for one in years:
+            one[100:] += shift
+        return sum(charted(one[:8], one[8:], 9000.0, is_two_sided=True).alike > 0.9 for one in years)
+
+    # a run tells of likeness what it does to deviates: of 0.95 half of the years show it
+    assert told(0.95) > 10
+    assert told(0.6) == 0
+    # a change that stays is no likeness
+    assert told(0.0, shift=3.0) == 0
+
+
 def test_large_errors_that_follow_large_ones_are_no_change_of_size():
     rng = np.random.default_rng(8)
     alarms = 0

@@ -157,7 +157,7 @@ def day_sentence(prediction: Prediction, seen: Observed) -> str:
     who = f"By the readings of {listed(list(seen.thermometers))}"
     if seen.explains_nothing:
         return f"{who}, the day was neither as planned nor the plan with stops: do not correct by them."
-    said = f"the spindle stood {listed(stood)}" if stood else "the day went as planned"
+    said = f"the spindle stood {listed(stood)}" if stood else "no unplanned stop is seen"
     now = []
     for name in _told(prediction):
         r = prediction.responses.index(name)
