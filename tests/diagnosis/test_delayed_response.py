@@ -1,5 +1,7 @@
 """A delay by a part of a sample is recalibration, also where the course bends within the sample."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from selector.diagnosis.evidence.response import bench_of, recalibration_columns
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
+from tests.diagnosis.made import comparison
 
 
 @pytest.mark.parametrize("delay_s", [7e-4, -7e-4])
@@ -74,3 +77,15 @@ def test_friction_by_speed_is_a_gain_of_a_simulated_speed() -> None:
     assert "drive.viscous" not in bench.own
     assert "gain" in untested["drive.viscous"]
     assert [effect.id for effect in diagnosis(comparison, seed=0).effects] == ["drive.coulomb"]
+
+
+@pytest.mark.parametrize("samples", [2.0, 7.0, -7.0])
+def test_a_delay_of_several_samples_is_calibration_and_no_memory(samples):
+    made = comparison({"Z": 0.01 * np.random.default_rng(3).standard_normal(1800)})
+    runs = made.simulated["Z"].reshape(3, -1)
+    number = np.arange(runs.shape[1])
+    late = np.concatenate([np.interp(number - samples, number, run) for run in runs])
+    noise = made.recorded["Z"] - made.simulated["Z"]
+    answer = diagnosis(replace(made, recorded={**made.recorded, "Z": late + noise}))
+    assert answer.verdict == "miscalibrated"
+    assert answer.recalibration["Z"]["delay"].value == pytest.approx(30.0 * samples, rel=0.03)

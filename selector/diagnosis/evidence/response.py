@@ -26,7 +26,7 @@ _BLOCKS = 24
 _CHANGES = 0.1  #: Of a course: what differs between cycles by less is taken to come back with them.
 _HIGHEST = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
 _ROUNDS = 4
-_MOST_SAMPLES = 2.0
+_FEW_SAMPLES, _MOST_SAMPLES, _CLEARLY_LESS = 2.0, 100.0, 0.25
 #: Gain, and delay in samples: a simulation that would need more to move as much as the mismatch does stands still.
 _MOST = 1e6
 #: Candidates that are whitened together: one by one the calls take longer than the numbers, all at once need memory.
@@ -390,19 +390,28 @@ def _beside(known: Matrix, column: Vector) -> float:
 
 
 def _delayed(comparison: Comparison, response: str, simulated: Vector, fitted: NDArray[np.bool_]) -> Vector:
-    """What a delay changes in the simulated course, per second of it; a derivative where none of a few samples fits.
+    """What a delay changes in the simulated course, per second of it; a derivative where no delay fits.
 
-    Where a course bends within a sample its derivative is not what a delay by a part of the sample makes of it.
+    Where a course bends within a sample its derivative is not what a delay by a part of the sample makes of it. A delay
+    of many samples has to leave clearly less beside noise than the derivative, or a lag would be exchanged for it.
     """
     slope, difference = -rate(comparison, simulated), comparison.difference(response)[fitted]
-    column = slope
+    column, samples = slope, [0.0]
+    # a thermometer that is late by more has a clock of its own, which is a fault and no calibration
+    most = _FEW_SAMPLES if comparison.channel(response).role == "temperature" else _MOST_SAMPLES
     for _ in range(_ROUNDS):
         columns = np.column_stack([np.ones(len(simulated)), simulated, column])
         delay_s = float(least_squares(columns[fitted], difference)[-1])
-        if not 1e-3 < abs(delay_s) / comparison.period_s < _MOST_SAMPLES:
+        samples.append(abs(delay_s) / comparison.period_s)
+        if not 1e-3 < samples[-1] < most:
             return slope
         column = (_late_by(comparison, simulated, delay_s) - simulated) / delay_s
-    return column
+    if max(samples) < _FEW_SAMPLES:
+        return column
+    known = np.column_stack([np.ones(len(simulated)), simulated])[fitted]
+    by_slope, late = (_beside(np.column_stack([known, one[fitted]]), difference) ** 2 for one in (slope, column))
+    noise = min(float(np.mean(np.convolve(difference, _HIGHEST, mode="valid") ** 2)), late)
+    return column if late - noise < _CLEARLY_LESS * (by_slope - noise) else slope
 
 
 def _late_by(comparison: Comparison, course: Vector, delay_s: float) -> Vector:
