@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import by_run, lagged, rate
 from selector.types import Vector
 
@@ -210,7 +211,7 @@ def _bristle(place, starts, distance):  # type: ignore[no-untyped-def]
 
 FORCE_ROLES = ("current", "force", "voltage")
 PRESLIDING_M = (1e-6, 2e-6, 4e-6, 8e-6, 1.6e-5, 3.2e-5)
-_STEP_PER_POLE = 0.4
+STEP_PER_POLE = 0.4
 #: Steps within a period. What is so quick that it would need more is over before the next sample, and none shows it.
 MOST_SUBSTEPS = 100
 _QUICK_LAG = 1.0 / MOST_SUBSTEPS  #: Part of a period below which a lag is none: the force is where it settles.
@@ -252,7 +253,7 @@ class SimulatedAxis:
         """
         holds = float(np.sqrt(self.dry_m_per_s2 * self.stiffens_per_m.max()))
         fastest = max(self.fastest_per_s, holds)
-        return int(np.clip(np.ceil(fastest * period_s / _STEP_PER_POLE), 1, MOST_SUBSTEPS))
+        return int(np.clip(np.ceil(fastest * period_s / STEP_PER_POLE), 1, MOST_SUBSTEPS))
 
     @property
     def fastest_per_s(self) -> float:
@@ -265,7 +266,7 @@ class SimulatedAxis:
         return (
             len(poles) > 0
             and float(poles.real.max()) < 0.0
-            and self.fastest_per_s * period_s <= _STEP_PER_POLE * MOST_SUBSTEPS
+            and self.fastest_per_s * period_s <= STEP_PER_POLE * MOST_SUBSTEPS
         )
 
 
@@ -401,10 +402,8 @@ def _summed(comparison: Comparison, course: Vector) -> Vector:
 def _fit(columns: list[Vector], target: Vector, rows: slice) -> tuple[Vector, float]:
     """Coefficients of columns of any size in some rows, 0 of those that are 0, and the root mean square left there."""
     matrix, target = np.column_stack(columns)[rows], target[rows]
-    size = np.sqrt(np.mean(matrix**2, axis=0))
-    size = np.where(size > 0.0, size, 1.0)
-    fit = np.linalg.lstsq(matrix / size, target, rcond=None)[0]
-    return fit / size, float(np.sqrt(np.mean((target - matrix / size @ fit) ** 2)))
+    fit = least_squares(matrix, target)
+    return fit, float(np.sqrt(np.mean((target - matrix @ fit) ** 2)))
 
 
 def _linearised(moving: Motion, distance: float) -> tuple[Vector, Vector]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.effects.drive._forces import held_back, held_back_axis, leads
+from selector.diagnosis.effects.drive._forces import held_back, leads
 from selector.diagnosis.shapes.axis import MOST_SUBSTEPS, motion, pushed, simulated_axis
 from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, felt, passed
 from tests.diagnosis.effects.drive_axis import PAIRS, VISCOUS_ONLY, WITH_FRICTION, Noise, compared, replace
@@ -82,10 +82,10 @@ def test_a_limit_holds_what_the_control_asks_for_and_is_made_good(winds_up):
     comparison = compared(WITH_FRICTION, WITH_FRICTION, seed=1, noise=QUIET)
     axis = simulated_axis(comparison, "X")
     asked = np.exp(-(((comparison.time_s - 1.0) / 0.05) ** 2))
-    lacking, behind = held_back_axis(comparison, axis, asked, 1.5, winds_up=winds_up)
+    lacking, behind = held_back(comparison, axis, asked, 1.5, winds_up=winds_up)
     assert not lacking.any()
     assert not behind.any()
-    lacking, behind = held_back_axis(comparison, axis, asked, 0.8, winds_up=winds_up)
+    lacking, behind = held_back(comparison, axis, asked, 0.8, winds_up=winds_up)
     # what lacks comes behind the lag, and never more than the limit takes away
     over = asked > 0.8
     assert -0.2 - 1e-9 <= lacking[over].min() < -0.1
@@ -165,7 +165,7 @@ def test_what_is_far_quicker_than_the_samples_costs_no_more_than_they_can_show()
     push = np.sin(20.0 * comparison.time_s)
     held, loose = (np.abs(pushed(comparison, one, push).motion[0]).max() for one in (stiff, axis))
     assert held < 1e-3 * loose
-    for found in held_back_axis(comparison, stiff, push, 0.8, winds_up=False):
+    for found in held_back(comparison, stiff, push, 0.8, winds_up=False):
         assert np.isfinite(found).all()
     fast = ClosedLoop((1.0, 1e9, 1e15), 0.0)
     for found in held_back(comparison, fast, push, 0.8, winds_up=True):
@@ -175,9 +175,9 @@ def test_what_is_far_quicker_than_the_samples_costs_no_more_than_they_can_show()
 def test_a_run_in_pieces_is_the_run(monkeypatch):
     comparison = compared(WITH_FRICTION, WITH_FRICTION, seed=1, noise=QUIET)
     axis, push = simulated_axis(comparison, "X"), np.sin(20.0 * comparison.time_s)
-    whole = pushed(comparison, axis, push), held_back_axis(comparison, axis, push, 0.8, winds_up=True)
+    whole = pushed(comparison, axis, push), held_back(comparison, axis, push, 0.8, winds_up=True)
     monkeypatch.setattr("selector.diagnosis.shapes.axis._PIECE_ROWS", 333)
-    parts = pushed(comparison, axis, push), held_back_axis(comparison, axis, push, 0.8, winds_up=True)
+    parts = pushed(comparison, axis, push), held_back(comparison, axis, push, 0.8, winds_up=True)
     np.testing.assert_array_equal(parts[0].motion, whole[0].motion)
     np.testing.assert_array_equal(parts[0].countered, whole[0].countered)
     np.testing.assert_array_equal(parts[1], whole[1])

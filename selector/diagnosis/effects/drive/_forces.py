@@ -13,6 +13,7 @@ from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
 from selector.diagnosis.shapes.axis import (
     FORCE_ROLES,
     MOST_SUBSTEPS,
+    STEP_PER_POLE,
     Motion,
     SimulatedAxis,
     commanded,
@@ -22,6 +23,7 @@ from selector.diagnosis.shapes.axis import (
     simulated_axis,
 )
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, ClosedLoop, felt, guesses, passed, responds, yields_s2
+from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import excited
 from selector.types import Vector
 
@@ -183,11 +185,9 @@ def _left(comparison: Comparison, moving: Motion, name: str) -> Vector:
         *(np.equal(comparison.run_index, k) for k in range(len(comparison.runs))),
         comparison.simulated_course(name),
     ])[~comparison.held_out]  # fmt: skip
-    size = np.sqrt(np.mean(own**2, axis=0))
-    own = own[:, size > 0.0] / size[size > 0.0]
     residual = comparison.filled(comparison.difference(name))[~comparison.held_out]
     left = np.zeros(len(comparison.time_s))
-    left[~comparison.held_out] = residual - own @ np.linalg.lstsq(own, residual, rcond=None)[0]
+    left[~comparison.held_out] = residual - own @ least_squares(own, residual)
     return left
 
 
@@ -238,45 +238,20 @@ def _apart(height: Vector, most: int) -> list[int]:
     return taken
 
 
-_SUBSTEPS_PER_POLE = 0.2
-
-
 def held_back(
-    comparison: Comparison, loop: ClosedLoop, force: Vector, limit: float, *, winds_up: bool
+    comparison: Comparison, loop: SimulatedAxis | ClosedLoop, asked: Vector, limit: float, *, winds_up: bool
 ) -> tuple[Vector, Vector]:
     """Force that lacks [unit of the force] and way behind [the same · s²], shape (n_rows,), from rest in every run.
 
-    With `winds_up` the integral part of the control runs on while the force is at its limit, else it waits.
+    What the control asks for (`asked`) cannot exceed a limit. With `winds_up` the integral part of the control runs on
+    meanwhile, else it waits.
     """
-    # what is over long before the next sample may as well take a part of that time
-    quickest = MOST_SUBSTEPS * _SUBSTEPS_PER_POLE / comparison.period_s
-    poles = np.roots(loop.polynomial)
-    poles = poles * np.minimum(1.0, quickest / np.maximum(np.abs(poles), 1e-300))
-    # a loop without an integral part has no α₀
-    alpha = np.array([*np.real(np.poly(poles))[1:], *[0.0] * (3 - loop.order)])
-    fastest = float(np.max(np.abs(poles)))
-    substeps = int(np.clip(np.ceil(fastest * comparison.period_s / _SUBSTEPS_PER_POLE), 1, MOST_SUBSTEPS))
-    lacking, behind = np.zeros(len(force)), np.zeros(len(force))
-    for _, rows in comparison.rows_of_runs():
-        state = np.zeros(3)
-        for part in pieces(rows):
-            _stepped(
-                force[part], comparison.time_s[part], alpha, limit, winds_up, substeps, state, lacking[part],
-                behind[part],
-            )  # fmt: skip
-    return lacking, behind
-
-
-def held_back_axis(
-    comparison: Comparison, axis: SimulatedAxis, asked: Vector, limit: float, *, winds_up: bool
-) -> tuple[Vector, Vector]:
-    """As `held_back`, with a limit on what the control asks for (`asked`), its lag, and the axis' dry friction."""
+    axis = loop if isinstance(loop, SimulatedAxis) else _sliding(comparison, loop)
     c2, c1, c0 = axis.control
-    # position gain and reset: c₁ = c₂·(p + r), c₀ = c₂·p·r; the position loop is the slower one
+    # position gain p and reset r: c₁ = c₂·(p + r), c₀ = c₂·p·r; the position loop is the slower one
     half = 0.5 * c1 / c2
-    position_gain = half - float(np.sqrt(max(half**2 - c0 / c2, 0.0)))
-    reset = c1 / c2 - position_gain
-    control = np.array([c2, position_gain, reset, axis.lag_s, axis.viscous_per_s, axis.dry_m_per_s2])
+    reset = half + float(np.sqrt(max(half**2 - c0 / c2, 0.0))) if c0 else 0.0
+    control = np.array([c2, c1, c0, reset, axis.lag_s, axis.viscous_per_s, axis.dry_m_per_s2])
     lacking, behind = np.zeros(len(asked)), np.zeros(len(asked))
     for _, rows in comparison.rows_of_runs():
         state = np.zeros(5)
@@ -288,11 +263,22 @@ def held_back_axis(
     return lacking, behind
 
 
+def _sliding(comparison: Comparison, loop: ClosedLoop) -> SimulatedAxis:
+    """A loop as an axis without friction and lag."""
+    # what is over long before the next sample may as well take a part of that time
+    quickest = MOST_SUBSTEPS * STEP_PER_POLE / comparison.period_s
+    poles = np.roots(loop.polynomial)
+    poles = poles * np.minimum(1.0, quickest / np.maximum(np.abs(poles), 1e-300))
+    c2, c1, c0 = [*np.real(np.poly(poles))[1:].tolist(), 0.0][:3]
+    nothing = np.zeros(len(comparison.time_s))
+    return SimulatedAxis((c2, c1, c0), 0.0, 0.0, 0.0, 0.0, 0.0, nothing, nothing)
+
+
 @njit(cache=True, nogil=True)
 def _held(  # type: ignore[no-untyped-def]
     asked, time_s, control, stiffens, forgets, limit, winds_up, substeps, state, lacking, behind
 ):
-    gain, position_gain, reset, lag, viscous, dry = control
+    c2, c1, c0, reset, lag, viscous, dry = control
     way, speed, integral, given, bent = state
     for k in range(1, len(asked)):
         step = (time_s[k] - time_s[k - 1]) / substeps
@@ -300,45 +286,19 @@ def _held(  # type: ignore[no-untyped-def]
         for j in range(substeps):
             share = (j + 1.0) / substeps
             simulated = asked[k - 1] + (asked[k] - asked[k - 1]) * share
-            wanted = simulated - gain * (speed + position_gain * way) - integral
+            wanted = simulated - c2 * speed - c1 * way - integral
             let = min(max(wanted, -limit), limit)
-            integral += reset * step * gain * (speed + position_gain * way)
+            integral += c0 * step * way
             if not winds_up:
                 integral -= reset * step * (let - wanted)
             # what is given beyond the simulation
             given += quick * (let - simulated - given)
-            turned = bent + step * (stiffens[k] * speed - forgets[k] * bent)
-            if forgets[k] * step > 0.5:
-                turned = (bent + step * stiffens[k] * speed) / (1.0 + step * forgets[k])
-            spring = dry * stiffens[k] * step**2
-            if spring > 0.25:
-                # stiffer than the steps can follow: taken at the end of the step, where it holds
-                soft = 1.0 / (1.0 + step * forgets[k])
-                pushed = speed + step * (given - viscous * speed - dry * soft * bent)
-                speed = pushed / (1.0 + soft * spring)
-                bent = soft * (bent + step * stiffens[k] * speed)
-            else:
-                bent = turned
-                speed += step * (given - viscous * speed - dry * bent)
+            # the friction may be stiffer than the steps can follow: taken at the end of the step, where it holds
+            soft = 1.0 / (1.0 + step * forgets[k])
+            pushed = speed + step * (given - viscous * speed - dry * soft * bent)
+            speed = pushed / (1.0 + soft * dry * stiffens[k] * step**2)
+            bent = soft * (bent + step * stiffens[k] * speed)
             way += step * speed
         lacking[k] = given
         behind[k] = way
     state[:] = way, speed, integral, given, bent
-
-
-@njit(cache=True, nogil=True)
-def _stepped(force, time_s, alpha, limit, winds_up, substeps, state, lacking, behind):  # type: ignore[no-untyped-def]
-    way, speed, integral = state
-    for k in range(1, len(force)):
-        step = (time_s[k] - time_s[k - 1]) / substeps
-        for j in range(substeps):
-            asked = force[k - 1] + (force[k] - force[k - 1]) * (j + 1.0) / substeps
-            wanted = asked - alpha[0] * speed - alpha[1] * way - alpha[2] * integral
-            given = min(max(wanted, -limit), limit)
-            if winds_up or given == wanted:
-                integral += way * step
-            speed += (given - asked) * step
-            way += speed * step
-            lacking[k] = given - asked
-        behind[k] = way
-    state[:] = way, speed, integral

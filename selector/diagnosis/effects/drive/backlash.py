@@ -7,9 +7,9 @@ import numpy as np
 from numba import njit
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import direct, motion_of, presliding_m, reverses
+from selector.diagnosis.effects.drive._forces import direct, motion_of, reverses
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
-from selector.diagnosis.shapes.axis import FORCE_ROLES, Motion, simulated_drive_force
+from selector.diagnosis.shapes.axis import FORCE_ROLES, Motion, simulated_drive_force, simulated_forces
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, loop_parts
 from selector.diagnosis.shapes.signals import scaled
 from selector.types import Vector
@@ -89,12 +89,9 @@ def _loads(comparison: Comparison, response: str, moving: Motion) -> Iterator[tu
     drive = simulated_drive_force(comparison, channel.axis)
     if drive is None:
         return
-    parts = np.column_stack([
-        moving.acceleration_m_per_s2, moving.velocity_m_per_s, moving.friction_state(presliding_m(comparison, response))
-    ])  # fmt: skip
-    fit = np.linalg.lstsq(parts, drive[1], rcond=None)[0]
+    inertia = simulated_forces(comparison, channel.axis)["drive.mass"]
     for share in _INERTIA_SHARES:
-        yield share, np.asarray(drive[1] - (1.0 - share) * fit[0] * parts[:, 0])
+        yield share, np.asarray(drive[1] - (1.0 - share) * inertia)
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import held_back, held_back_axis, motion_of
+from selector.diagnosis.effects.drive._forces import held_back, motion_of
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.axis import (
     FORCE_ROLES,
@@ -105,10 +105,7 @@ def _shapes(
             yield np.clip(course, -level, level) - course, "force that lacks"
     else:
         for winds_up in (True, False):
-            if isinstance(loop, SimulatedAxis):
-                lacking, behind = held_back_axis(comparison, loop, course, level, winds_up=winds_up)
-            else:
-                lacking, behind = held_back(comparison, loop, course, level, winds_up=winds_up)
+            lacking, behind = held_back(comparison, loop, course, level, winds_up=winds_up)
             # an integral part that winds up may take the axis anywhere
             if not np.abs(behind).max() < _FURTHEST_S**2 * np.abs(course).max():
                 continue
