@@ -4,7 +4,7 @@ Tank j empties by c_j·h_j^p (p = ½: Torricelli's outflow), the first is filled
 simulation has no noise, so the constants and the levels at the start are found by least squares on its course.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -240,48 +240,24 @@ def _of_tanks(
                     brims = (float(upper), float(lower), caught)
                     tried.append((remainder.share(lost(brims), most=1.0), brims))
     tried = sorted(tried, key=lambda pair: -pair[0])[:_MOST]
-    firsts: dict[tuple[bool, bool], Brims] = {}
+    best: dict[tuple[bool, bool], Brims] = {}
     for _, brims in reversed(tried):
-        firsts[bool(np.isfinite(brims[0])), bool(np.isfinite(brims[1]))] = brims
-    best = [_refined(remainder, lost, first, float(np.ptp(whole)), float(np.ptp(plain))) for first in firsts.values()]
-    on_grid = [brims for _, brims in tried]
-    for brims in dict.fromkeys((*best, *on_grid)):
+        best[bool(np.isfinite(brims[0])), bool(np.isfinite(brims[1]))] = brims
+    for _, brims in tried:
         column = lost(brims)
         if np.any(column):
-            looked_at = 1.0 if brims in on_grid else _TUNED
-            yield _with_brims(comparison, unit, column, brims, whole, inflow, looked_at)
+            yield _with_brims(comparison, unit, column, brims, whole, inflow)
     recorded = comparison.recorded[response]
     without, _, _ = refitted(comparison, tanks, recorded, None)
-    for brims in best:
+    for brims in best.values():
         error, anew, moved = refitted(comparison, tanks, recorded, brims)
         if moved is not None and error < _BETTER * without:
             whole, course_ = anew.levels(comparison)[0], anew.levels(comparison, *moved)[1]
-            yield _with_brims(comparison, unit, course_ - plain, moved, whole, inflow, _TUNED)
+            tuned = _with_brims(comparison, unit, course_ - plain, moved, whole, inflow)
+            yield replace(tuned, looked_at=_TUNED)
 
 
-def _refined(
-    remainder: Remainder, lost: Callable[[Brims], Vector], brims: Brims, upper_size: float, lower_size: float
-) -> Brims:
-    """Brims moved one by one, by ever smaller steps, as long as they explain more."""
-    best, score = brims, remainder.share(lost(brims), most=1.0)
-    for step in (0.1, 0.05, 0.025, 0.012):
-        for k, size in ((0, upper_size), (1, lower_size), (2, 3.0)):
-            for sign in (-1.0, 1.0):
-                if not np.isfinite(best[k]):
-                    continue
-                moved = list(best)
-                moved[k] += sign * step * size
-                moved[2] = min(max(moved[2], 0.0), 1.0)
-                trial = (moved[0], moved[1], moved[2])
-                gain = remainder.share(lost(trial), most=1.0)
-                if gain > score:
-                    best, score = trial, gain
-    return best
-
-
-def _with_brims(
-    comparison: Comparison, unit: str, column: Vector, brims: Brims, whole: Vector, inflow: str, looked_at: float
-) -> Variant:
+def _with_brims(comparison: Comparison, unit: str, column: Vector, brims: Brims, whole: Vector, inflow: str) -> Variant:
     shape, words = {}, []
     if np.isfinite(brims[1]):
         shape["ceiling"] = Quantity(float(brims[1]), unit)
@@ -292,7 +268,7 @@ def _with_brims(
         shape["caught"] = Quantity(float(brims[2]), "1")
         words.append(f"the store above spills at {100 * share:.3g} % of its highest level")
     sources = _recorded(comparison, inflow)
-    return Variant(column[:, None], (", ".join(words),), shape, sources=sources, bounds=_WHOLE, looked_at=looked_at)
+    return Variant(column[:, None], (", ".join(words),), shape, sources=sources, bounds=_WHOLE)
 
 
 def spilled(comparison: Comparison, level: Vector, ceiling: float, tau_s: float) -> Vector:
