@@ -445,9 +445,8 @@ def _named_by_whole_record(state: _State) -> _State:
 
 def _recalibration_holds(bench: Bench) -> bool:
     """Whether recalibration makes no unseen row worse on average."""
-    left = bench.residual([])
-    held = np.isfinite(left) & ~bench.fitted
-    return not held.any() or bool(np.sum(left[held] ** 2) <= np.sum(bench.given[held] ** 2))
+    left, given = (one[bench.unseen] for one in (bench.residual([]), bench.given))
+    return bool(np.sum(left**2) <= np.sum(given**2))
 
 
 def _judged(state: _State) -> _State:
@@ -553,7 +552,7 @@ def _worth_naming(comparison: Comparison, found: Search) -> Search:
     least = _TRIFLE * max((effect.share for effect in named.values()), default=0.0)
     sizes = {id_: max(effect.share, part_of(found, effect)) for id_, effect in named.items()}
     worth = {id_ for id_, size in sizes.items() if size >= least}
-    return found.only({id_ for id_ in worth if sizes[id_] >= LEAST or not confirmation(comparison, found, id_).refutes})
+    return found.only({id_ for id_ in worth if sizes[id_] >= LEAST or not confirmation(found, id_).refutes})
 
 
 def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:

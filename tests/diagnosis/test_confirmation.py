@@ -49,14 +49,14 @@ def found(slow, unseen, size=8.0):
 def test_a_name_that_holds_in_the_unseen_run_gains_there_and_stays(slow):
     made, result = found(slow, 1.0)
     assert list(not_ruinous(made, result).named) == ["thermal.memory"]
-    held = confirmation(made, result, "thermal.memory")
+    held = confirmation(result, "thermal.memory")
     assert held.gain > 0.5 * held.energy
     assert not held.refutes
 
 
 def test_what_is_far_smaller_there_is_suspected_and_stays(slow):
     made, result = found(slow, 0.4)
-    assert confirmation(made, result, "thermal.memory").refutes
+    assert confirmation(result, "thermal.memory").refutes
     assert list(not_ruinous(made, result).named) == ["thermal.memory"]
 
 
@@ -76,7 +76,7 @@ def test_what_is_ruined_there_and_explains_the_half_of_the_fitted_runs_is_none(s
 def test_a_name_that_ruins_the_unseen_run_is_none(slow):
     made, result = found(slow, -0.6)
     assert list(result.named) == ["thermal.memory"]
-    assert confirmation(made, result, "thermal.memory").refutes
+    assert confirmation(result, "thermal.memory").refutes
     assert not not_ruinous(made, result).named
 
 
@@ -145,9 +145,10 @@ def test_a_name_beside_structure_that_is_left_is_as_sure_as_what_it_surely_carri
 
 
 def test_nothing_is_said_where_nothing_was_seen(slow):
-    made, result = found(slow, 1.0)
-    blind = replace(made, held_out=np.zeros(N, dtype=bool))
-    held = confirmation(blind, result, "thermal.memory")
+    _, result = found(slow, 1.0)
+    bench = result.benches["Z"]
+    blind = replace(bench, target=np.where(bench.unseen, np.nan, bench.target))
+    held = confirmation(replace(result, benches={"Z": blind}), "thermal.memory")
     assert held.energy == 0.0
     assert not held.refutes
 

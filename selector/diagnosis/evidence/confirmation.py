@@ -57,19 +57,18 @@ class Confirmation:
         return abs(off) > max(_OFF, _SURELY * error)
 
 
-def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation:  # noqa: A002 - the contract's word
+def confirmation(found: Search, id: str) -> Confirmation:  # noqa: A002 - the contract's word
     """Held-out rows without and with an effect, both models fitted to the other rows, all its responses together."""
     gain = energy = fitted_energy = 0.0
     for response, v in found.named[id].items():
         bench = found.benches[response]
-        rows = comparison.held_out & np.isfinite(bench.target)
         named = numbers(found.named, response)
         without = bench.white(bench.residual([other for other in named if other != v]))
         with_it = bench.white(bench.residual(named))
         course = (with_it - without) ** 2
-        energy += float(np.sum(course[rows]))
+        energy += float(np.sum(course[bench.unseen]))
         fitted_energy += float(np.sum(course[bench.fitted]))
-        gain += float(np.sum(without[rows] ** 2) - np.sum(with_it[rows] ** 2))
+        gain += float(np.sum(without[bench.unseen] ** 2) - np.sum(with_it[bench.unseen] ** 2))
     return Confirmation(gain, energy, fitted_energy)
 
 
@@ -79,7 +78,7 @@ def confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     What acts there has to make the error itself smaller, as the filter may make much of what is quick; what takes a
     quarter of its square is borne out, of whatever size. A frozen reading is proved by its equal readings.
     """
-    effect, told = named_effect(comparison, found, id_), confirmation(comparison, found, id_)
+    effect, told = named_effect(comparison, found, id_), confirmation(found, id_)
     left = left_unseen(effect, found)
     falls_short = told.gain < _PART * told.energy
     is_lost = effect.acts is None and left >= 1.0 and (effect.share < LEAST or falls_short)
@@ -98,7 +97,7 @@ def surely_refuted(comparison: Comparison, found: Search) -> list[Structure]:
     for id_, of in found.named.items() if len(comparison.runs) > 1 else ():
         standing = found.standing[id_]
         is_sure = standing.p_value < _SURELY_SEEN and all(found.misfit[name] == 1.0 for name in of)
-        if is_sure and confirmation(comparison, found, id_).refutes:
+        if is_sure and confirmation(found, id_).refutes:
             bench = found.benches[standing.main]
             fall = bench.mean_square([]) - bench.mean_square(numbers(found.named, standing.main))
             size = float(np.sqrt(max(fall, 0.0)))
@@ -131,10 +130,9 @@ def only_where_carried(effect: NamedEffect, found: Search) -> NamedEffect:
     """Physics only in its main response and where unseen rows gain by it; a fault may be one of the fitted runs."""
     lost = set[str]()
     for name in () if effect.id.startswith("data.") else effect.courses:
-        bench = found.benches[name]
-        held = np.isfinite(bench.target) & ~bench.fitted
-        if name != effect.channel and held.any():
-            is_there = bool(np.any(effect.courses[name][held]))
+        unseen = found.benches[name].unseen
+        if name != effect.channel and unseen.any():
+            is_there = bool(np.any(effect.courses[name][unseen]))
             lost |= set() if is_there and left_unseen(effect, found, name) < 1.0 else {name}
     if not lost:
         return effect
@@ -186,8 +184,7 @@ def not_ruinous(comparison: Comparison, found: Search) -> Search:
             (found.standing[id_].tested[response].gain, id_, response)
             for id_, of in found.named.items()
             for response in of
-            if _growth(comparison, found, id_, response) > _RUINED
-            and not _is_of_its_course(comparison, found, id_, response)
+            if _growth(found, id_, response) > _RUINED and not _is_of_its_course(comparison, found, id_, response)
         ]
         if not ruined:
             return found
@@ -199,7 +196,7 @@ def not_ruinous(comparison: Comparison, found: Search) -> Search:
 def _is_of_its_course(comparison: Comparison, found: Search, id_: str, response: str) -> bool:
     """Whether physics explains most of the fitted rows and, at another size above nothing, most of the unseen ones."""
     effect, bench = named_effect(comparison, found, id_), found.benches[response]
-    held = np.isfinite(bench.target) & ~bench.fitted
+    held = bench.unseen
     if id_.startswith("data.") or effect.share < MOST_OF_IT or not np.ptp(effect.courses[response][held]):
         return False
     base, target = bench.nuisance[held], bench.target[held]
@@ -209,21 +206,18 @@ def _is_of_its_course(comparison: Comparison, found: Search, id_: str, response:
     return bool(size[-1] > 0.0 and left**2 <= (1.0 - MOST_OF_IT) * without_it**2)
 
 
-def _growth(comparison: Comparison, found: Search, id_: str, response: str) -> float:
+def _growth(found: Search, id_: str, response: str) -> float:
     """Times by which the held-out error of a response grows with an effect; 0 where it takes less than it gives.
 
     Compared with the simulation without it, recalibrated or as it was given, whichever is nearer. What it gives is the
     fall of the mean square in the fitted rows.
     """
     bench, named = found.benches[response], numbers(found.named, response)
-    with_it = bench.residual(named)
-    without_it = bench.residual([other for other in named if other != found.named[id_][response]])
-    rows = comparison.held_out & np.isfinite(without_it)
-    if not rows.any():
-        return 0.0
-    after, *before = (float(np.mean(left[rows] ** 2)) for left in (with_it, without_it, bench.target))
-    given = float(np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2))
-    return float(np.sqrt(after / min(before))) if 0.0 < min(before) < after - given else 0.0
+    others = [other for other in named if other != found.named[id_][response]]
+    as_given = rms(bench.target[bench.unseen])
+    after, before = unseen_rms(bench, named) ** 2, min(unseen_rms(bench, others), as_given) ** 2
+    given = bench.mean_square(others) - bench.mean_square(named)
+    return float(np.sqrt(after / before)) if 0.0 < before < after - given else 0.0
 
 
 #: What is left in the held-out rows, in units of what is left in the fitted rows, if a fault explains all.

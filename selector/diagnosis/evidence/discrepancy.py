@@ -17,7 +17,7 @@ from scipy.special import logsumexp
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, without
+from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, unseen_rms, without
 from selector.diagnosis.evidence.testing import members_of, prices_of
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import lagged
@@ -118,12 +118,9 @@ def _kept(found: Search, id_: str, waves: dict[str, _Misfits]) -> tuple[float, f
 
 def _is_carried(bench: Bench, others: Sequence[int], v: int, waves: _Misfits) -> bool:
     """Whether a name explains a quarter of unseen rows, and as much as a misfit of the size that is best there."""
-    left, fitted = bench.residual(others), bench.fitted
-    held = np.isfinite(left) & ~fitted
-    if not held.any():
-        return False
-    before, after = (float(np.mean(one[held] ** 2)) for one in (left, bench.residual([*others, v])))
-    if after > _CARRIED * before:
+    left, fitted, held = bench.residual(others), bench.fitted, bench.unseen
+    after = unseen_rms(bench, [*others, v]) ** 2
+    if not held.any() or after > _CARRIED * unseen_rms(bench, others) ** 2:
         return False
     for one in waves:
         own, values, directions = np.linalg.svd(one[fitted], full_matrices=False)

@@ -31,7 +31,7 @@ def fit_of(
     simulated, target = comparison.simulated[bench.response], bench.target
     recalibrated = recalibration(bench)
     explained = bench.explained(named) if named or recalibrate else np.zeros(len(target))
-    held = np.isfinite(target) & comparison.held_out
+    held = bench.unseen
     before, middle, after = target, target - recalibrated, target - explained
     floor = float(np.fmin(_unseen_floor(comparison, bench, named, after[held], is_noise=is_noise), most_noise))
     return Fit(
@@ -54,7 +54,7 @@ def gap_closed(
 
     None where the way is short, as noise may differ by as much from one run to another, or too few rows are unseen.
     """
-    held = np.isfinite(bench.target) & comparison.held_out
+    held = bench.unseen
     middle, after = bench.target - recalibration(bench), bench.target - bench.explained(named)
     floor = _unseen_floor(comparison, bench, named, after[held], is_noise=is_noise)
     return _gap(bench, middle, after, floor, held, seed) if rms(middle[held]) > _FAR * floor else None

@@ -13,7 +13,7 @@ from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.recalibration import Recalibrated
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, numbers, unseen_rms
+from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, numbers, unseen_rms, without
 from selector.diagnosis.finding_table import FINDINGS, SMALL_MISFIT
 from selector.diagnosis.matching.runs import pure_error, rms
 from selector.diagnosis.shapes.axis import FORCE_ROLES, motion, simulated_forces
@@ -124,15 +124,16 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     standing, by_response = found.standing[id_], found.named[id_]
     gains = {name: found.standing[id_].tested[name].gain for name in by_response}
     main = max(gains, key=lambda name: gains[name])
-    told = {name: _course(found.benches[name], numbers(found.named, name), v) for name, v in by_response.items()}
-    courses = {name: course for name, (course, _) in told.items()}
+    courses = {name: found.benches[name].course(numbers(found.named, name), v) for name, v in by_response.items()}
+    others = without(found.named, id_)
+    shares = (found.benches[name].share(numbers(others, name), v) for name, v in by_response.items())
     fitted = _fitted(comparison, found, id_, main, courses[main])
     effect = found.benches[main].candidates[by_response[main]].effect
     reading = effect.reading(fitted, comparison)
     # beyond all that shapes at a wrong time explain is beyond one in so many
     p_value = 1.0 / (1 + len(found.carried[id_][1])) if id_ in found.carried else standing.p_value
     confidence = sum(found.weights[id_].values()) * (1.0 - p_value)
-    share = float(np.clip(max(share for _, share in told.values()), 0.0, 1.0))
+    share = float(np.clip(max(shares), 0.0, 1.0))
     # a frozen reading is proved by its equal readings
     gap = found.closed.get(id_) if id_ != "data.stuck" else None
     if is_structured(found, main):
@@ -270,24 +271,11 @@ def _acts(variant: Variant) -> tuple[str, float | None, float | None] | None:
     return variant.run, None if first is None else first.value, None if last is None else last.value
 
 
-def _course(bench: Bench, named: Sequence[int], v: int) -> tuple[Vector, float]:
-    """The fitted course of candidate `v` [unit] and the share of the mismatch that goes with it."""
-    beta = bench.coefficients(named)[0]
-    first = bench.nuisance.shape[1]
-    for other in named:
-        width = bench.counts[other]
-        if other == v:
-            course = bench.raw(v) @ beta[first : first + width]
-        first += width
-    return course, bench.share([other for other in named if other != v], v)
-
-
 def _fitted(comparison: Comparison, found: Search, id_: str, response: str, course: Vector) -> Fitted:
     bench, v = found.benches[response], found.named[id_][response]
     named = numbers(found.named, response)
     beta, covariance = bench.coefficients(named)
-    first = bench.nuisance.shape[1] + sum(bench.counts[other] for other in named[: named.index(v)])
-    here = slice(first, first + bench.counts[v])
+    here = bench.place(named, v)
     candidate = bench.candidates[v]
     scale = bench.scales[candidate.columns]
     shape, intervals = shape_intervals(bench, named, v)
@@ -464,8 +452,8 @@ def is_little_in_one_run(comparison: Comparison, found: Search, response: str) -
 def is_recalibrated(found: Search, response: str) -> bool:
     """Whether recalibration makes the error much smaller, in the rows that it is fitted to and in the others."""
     bench = found.benches[response]
-    left, given, seen = bench.residual([]), bench.given, np.isfinite(bench.target)
-    parts = [rows for rows in (bench.fitted, seen & ~bench.fitted) if rows.any()]
+    left, given = bench.residual([]), bench.given
+    parts = [rows for rows in (bench.fitted, bench.unseen) if rows.any()]
     return all(rms(left[rows]) < _MUCH_SMALLER * rms(given[rows]) for rows in parts)
 
 

@@ -89,8 +89,7 @@ def contradicted(bench: Bench, again: Recalibrated) -> float:
     Or that were right and are far off once they are calibrated, or that are far off by what is no noise and gain
     nothing by a calibration that most of the fitted mismatch asks for; 0 of others.
     """
-    left = bench.residual([])
-    held = np.isfinite(left) & ~bench.fitted
+    left, held = bench.residual([]), bench.unseen
     if not held.any():
         return 0.0
     after, before, fitted = rms(left[held]), rms(bench.given[held]), rms(left[bench.fitted])

@@ -153,6 +153,11 @@ class Bench:
         return np.flatnonzero(with_past(self.noise, self.parts, len(self.target)) & self.fitted)
 
     @cached_property
+    def unseen(self) -> NDArray[np.bool_]:
+        """Rows that are compared and not fitted to, shape (n_rows,)."""
+        return np.isfinite(self.target) & ~self.fitted
+
+    @cached_property
     def blocks(self) -> list[slice]:
         """About 24 blocks of `rows`, none over the end of a run, none shorter than the noise remembers."""
         run = self.runs[self.rows]
@@ -267,6 +272,15 @@ class Bench:
         """
         parts = [np.convolve(left[part], _HIGHEST, mode="valid") for part in self.parts if part.stop - part.start > 3]
         return rms(np.concatenate(parts)) if parts else float("nan")
+
+    def place(self, named: Sequence[int], v: int) -> slice:
+        """Where the coefficients of candidate `v`, one of the `named`, stand among all `coefficients`."""
+        first = self.nuisance.shape[1] + sum(self.counts[other] for other in named[: list(named).index(v)])
+        return slice(first, first + self.counts[v])
+
+    def course(self, named: Sequence[int], v: int) -> Vector:
+        """What candidate `v`, one of the `named`, explains [unit], all rows."""
+        return np.asarray(self.raw(v) @ self.coefficients(named)[0][self.place(named, v)])
 
     def explained(self, named: Sequence[int]) -> Vector:
         """What recalibration and named candidates explain [unit], all rows."""

@@ -208,18 +208,14 @@ def _with_own(benches: Benches, named: Named, given: _Given) -> tuple[Benches, N
             continue
         chosen = {name: freed[name].first_candidate(id_) for name in one.responses}
         main = one.main
-        amount = _last(freed[main], [*numbers(named, main), chosen[main]])
+        beside = [*numbers(named, main), chosen[main]]
+        amount = freed[main].coefficients(beside)[0][freed[main].place(beside, chosen[main])][0]
         fewer = _with_fewer(freed, named | {id_: chosen}, given)
         if id_ not in fewer:
             named = fewer
         elif amount > 0.0:
             benches, named = freed, fewer
     return benches, named
-
-
-def _last(bench: Bench, named: Sequence[int]) -> float:
-    """First coefficient of the last of the `named`."""
-    return float(bench.coefficients(named)[0][-bench.counts[named[-1]]])
 
 
 def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:
@@ -369,9 +365,7 @@ def adds(bench: Bench, named: Sequence[int], v: int) -> bool:
     share = bench.share(named, v)
     if share < TENTH or (share >= MOST_OF_IT and bench.candidates[v].effect.family != "data"):
         return share >= TENTH
-    without_it, with_it = bench.residual(named), bench.residual([*named, v])
-    held = np.isfinite(without_it) & ~bench.fitted
-    return not held.any() or bool(np.sum(with_it[held] ** 2) <= np.sum(without_it[held] ** 2))
+    return not bench.unseen.any() or unseen_rms(bench, [*named, v]) <= unseen_rms(bench, named)
 
 
 def _retested(benches: Benches, named: Named, given: _Given) -> Named:
@@ -483,8 +477,8 @@ def is_slow_in_one_run(bench: Bench, v: int) -> bool:
     """
     if bench.candidates[v].effect.id not in ("data.drift", "data.step") or np.ptp(bench.runs[bench.fitted]) > 0:
         return False
-    course = bench.raw(v) @ bench.coefficients([v])[0][-bench.counts[v] :]
-    return float(np.nanmax(np.abs(np.diff(bench.target[bench.fitted])))) < _LEAP * rms(course[bench.fitted])
+    size = rms(bench.course([v], v)[bench.fitted])
+    return float(np.nanmax(np.abs(np.diff(bench.target[bench.fitted])))) < _LEAP * size
 
 
 def _unseen_share(benches: Benches, others: Named, of: Mapping[str, int], rival: Mapping[str, int]) -> float:
@@ -505,9 +499,7 @@ def _unseen_share(benches: Benches, others: Named, of: Mapping[str, int], rival:
 
 def unseen_rms(bench: Bench, named: Sequence[int]) -> float:
     """Root mean square of the unseen rows beside candidates; of the fitted ones, where nothing is kept for that."""
-    left = bench.residual(named)
-    held = np.isfinite(left) & ~bench.fitted
-    return float(np.sqrt(np.mean(left[held if held.any() else bench.fitted] ** 2)))
+    return rms(bench.residual(named)[bench.unseen if bench.unseen.any() else bench.fitted])
 
 
 def _rivals(

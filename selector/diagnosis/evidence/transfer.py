@@ -44,7 +44,7 @@ def borne_out(comparison: Comparison, found: Search, *, seed: int) -> Search:
         left = bench.residual([])
         size = float(np.nanstd(comparison.recorded[name][bench.fitted]))
         # unseen rows that are simulated exactly, or are none, bear nothing out
-        if rms(left[bench.fitted]) < _MATTERS * size or not bench.target[np.isfinite(left) & ~bench.fitted].any():
+        if rms(left[bench.fitted]) < _MATTERS * size or not bench.target[bench.unseen].any():
             continue
         shares, by_chance = _shares(bench, seed=seed)
         # what recalibration takes, as viscous friction, is not tested
