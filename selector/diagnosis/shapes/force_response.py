@@ -21,6 +21,7 @@ from selector.diagnosis.shapes.axis import (
     pushed,
     simulated_axis,
     simulated_drive_force,
+    simulated_forces,
     telling_rows,
 )
 from selector.diagnosis.shapes.signals import by_run, rise
@@ -230,16 +231,13 @@ def _of_rows(
 
 def _of_drive(comparison: Comparison, axis: str | None) -> tuple[list[Vector], float]:
     """The simulated force of the drive, of unit variance, and what mass and friction of the motion leave of it."""
-    drive, moving = simulated_drive_force(comparison, axis), motion(comparison, axis)
-    if drive is None or moving is None or float(np.std(drive[1])) == 0.0:
+    drive = simulated_drive_force(comparison, axis)
+    if drive is None or float(np.std(drive[1])) == 0.0:
         return [], 0.0
-    course = drive[1] / float(np.std(drive[1]))
-    columns = np.column_stack([
-        moving.acceleration_m_per_s2, moving.velocity_m_per_s, moving.friction_state(PRESLIDING_M),
-        *(np.equal(comparison.run_index, k) for k in range(len(comparison.runs))),
-    ])  # fmt: skip
-    left = course - columns @ np.linalg.lstsq(columns, course, rcond=None)[0]
-    return [course], float(np.sqrt(np.mean(left**2)))
+    left = drive[1] - np.sum(list(simulated_forces(comparison, axis).values()), axis=0)
+    left = by_run(comparison, lambda part: part - part.mean(), left)
+    size = float(np.std(drive[1]))
+    return [drive[1] / size], float(np.sqrt(np.mean(left**2))) / size
 
 
 def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str | None) -> Vector | None:

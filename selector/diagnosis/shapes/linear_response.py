@@ -2,9 +2,8 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import Literal
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import njit
@@ -63,17 +62,6 @@ class LinearResponse:
         return on_even_clock(comparison, partial(lfilter, self.numerator, self.denominator), values)
 
 
-_known: WeakKeyDictionary[Comparison, dict[str, tuple[LinearResponse, ...]]] = WeakKeyDictionary()
-
-
-def linear_responses(comparison: Comparison, response: str) -> tuple[LinearResponse, ...]:
-    """The filter from the force to the response, the best known one alone, or some that stand in for it."""
-    kept = _known.setdefault(comparison, {})
-    if response not in kept:
-        kept[response] = _found(comparison, response)
-    return kept[response]
-
-
 def resonances_of(comparison: Comparison, response: str) -> tuple[tuple[float, float], ...]:
     """(frequency [Hz], damping) of what rings in the filters from a force to the response; none where they stand in."""
     found = []
@@ -83,13 +71,6 @@ def resonances_of(comparison: Comparison, response: str) -> tuple[tuple[float, f
             s = np.log(pole) / comparison.period_s
             found.append((float(np.abs(s) / (2.0 * np.pi)), float(-s.real / np.abs(s))))
     return tuple(found)
-
-
-def filter_between(comparison: Comparison, source: str, response: str) -> LinearResponse | None:
-    """How one simulated course follows another; None if a filter does not explain it."""
-    runs = list(_shortened(even_runs(comparison)))
-    u, y = (comparison.simulated_course(name) for name in (source, response))
-    return _fitted([run.on(u)[:, None] for run in runs], [run.on(y) for run in runs], (source,))
 
 
 def inputs(comparison: Comparison, response: str) -> tuple[str, ...]:
@@ -132,7 +113,9 @@ def simulated_peaks_hz(comparison: Comparison, response: str) -> tuple[float, ..
     return tuple(float(k + 3) / (len(part) * comparison.period_s) for k in peaks[order])
 
 
-def _found(comparison: Comparison, response: str) -> tuple[LinearResponse, ...]:
+@lru_cache(maxsize=32)
+def linear_responses(comparison: Comparison, response: str) -> tuple[LinearResponse, ...]:
+    """The filter from the force to the response, the best known one alone, or some that stand in for it."""
     simulated = comparison.simulated_course(response)
     names = inputs(comparison, response)
     runs = list(_shortened(even_runs(comparison)))
@@ -390,8 +373,6 @@ def _loop(simulated, b, a, number, k, width, alpha, beta, most):  # type: ignore
 _MOTION = {"displacement": 0, "position": 0, "velocity": 1, "acceleration": 2}
 _MOST = 3
 
-_member_known: WeakKeyDictionary[Comparison, dict[tuple[str, str], LinearResponse | None]] = WeakKeyDictionary()
-
 
 def members(comparison: Comparison, response: str) -> tuple[str, ...]:
     """Other channels that are motions of members: responses first."""
@@ -422,14 +403,14 @@ def joints(comparison: Comparison, response: str) -> Iterator[tuple[str, LinearR
             )
 
 
+@lru_cache(maxsize=64)
 def transfer(comparison: Comparison, predecessor: str, follower: str) -> LinearResponse | None:
-    """How one simulated motion follows another, both simulated; None if it does not, or is not simulated."""
-    kept = _member_known.setdefault(comparison, {})
-    if (predecessor, follower) not in kept:
-        simulated = comparison.simulated
-        both = predecessor in simulated and follower in simulated
-        kept[predecessor, follower] = filter_between(comparison, predecessor, follower) if both else None
-    return kept[predecessor, follower]
+    """How one simulated motion follows another; None if no filter explains it, or one of them is not simulated."""
+    if not {predecessor, follower} <= comparison.simulated.keys():
+        return None
+    runs = list(_shortened(even_runs(comparison)))
+    u, y = (comparison.simulated_course(name) for name in (predecessor, follower))
+    return _fitted([run.on(u)[:, None] for run in runs], [run.on(y) for run in runs], (predecessor,))
 
 
 def inertia_force(comparison: Comparison, member: str, origin: str) -> Vector | None:
