@@ -96,8 +96,8 @@ def _next(grid: Sequence[float], value: float, step: int) -> float:
 
 
 _UNCHECKED = 0.9  #: What is left of a confidence that nothing held out could bear out.
-#: How sure a doubted name is at most; and, where structure is left, one that carries nothing to unseen rows: surer the
-#: more it surely carries.
+#: How sure a doubted name, or what is only seen, too, is at most; and, where structure is left, one that carries
+#: nothing to unseen rows: surer the more it surely carries.
 _HALF = 0.5
 _GUESS = 0.1  #: Confidence below which a name says next to nothing.
 #: Weights, and how often names of such a weight are right: 102 names of real recordings, 203 of development seeds, and
@@ -369,7 +369,6 @@ _NOTHING = 0.001  #: The same where what is left is noise, for all that is seen.
 #: leaves of the error.
 _LITTLE_BESIDE, _ALL_LEFT, _MUCH_SMALLER = 0.04, 0.1, 0.8
 _LISTED = 0.01
-_SEEN_ONLY = 0.5  #: Confidence of what is only seen, too, at most.
 #: Times the pure error of repeats: what two recordings of the machine itself differ by.
 _AS_REPEATED = float(np.sqrt(2.0))
 
@@ -408,7 +407,7 @@ def _is_part_of_little(comparison: Comparison, found: Search, response: str) -> 
 def seen_only(effects: Iterable[NamedEffect]) -> tuple[NamedEffect, ...]:
     """Effects that are seen, too, without being called missing; without those that are too little to be told of."""
     return tuple(
-        replace(effect, suspected=True, confidence=min(_SEEN_ONLY, effect.confidence), is_fitted=False)
+        replace(effect, suspected=True, confidence=min(_HALF, effect.confidence), is_fitted=False)
         for effect in effects
         if effect.share >= _LISTED
     )
@@ -420,7 +419,7 @@ def _beside(comparison: Comparison, found: Search, id_: str, of: Mapping[str, in
         found,
         named={**found.named, id_: dict(of)},
         rivals={id_: (), **found.rivals},
-        weights={id_: {id_: _SEEN_ONLY}, **found.weights},
+        weights={id_: {id_: _HALF}, **found.weights},
     )
     return named_effect(comparison, beside, id_)
 

@@ -26,8 +26,8 @@ _LEAP = 0.5  #: Of a fault's size: a reading that changes by as much from one sa
 #: Canonical correlation of courses from which two effects stand together, where laws are all somewhat wrong.
 _THE_SAME = 0.9
 _RIVAL = 0.2  #: An effect of less than this share of the weight of the named one is told from it.
-#: What gains less than this share of the clearest named effect may be what its shape does not fit exactly.
-_TRIFLE = 0.1
+#: Of the mismatch: what explains less is no name. What gains less than this share of the clearest named effect may be
+#: what its shape does not fit exactly.
 TENTH = 0.1
 #: Share of the mismatch from which physics is named, if suspected only, that does not carry to unseen rows.
 MOST_OF_IT = 0.75
@@ -306,8 +306,8 @@ def _selected(benches: Benches, given: _Given) -> Named:
         if not supported:
             break
         best = max(supported, key=lambda one: one.score)
-        clearest = max(clearest, _TRIFLE * best.score)
-        floor |= {name: max(floor[name], _TRIFLE * best.tested[name].evidence) for name in best.responses}
+        clearest = max(clearest, TENTH * best.score)
+        floor |= {name: max(floor[name], TENTH * best.tested[name].evidence) for name in best.responses}
         named[best.id] = best.chosen
         named = _retested(benches, named, given)
         if best.id not in named:
