@@ -361,3 +361,13 @@ def test_separate_tests_in_a_hall_claim_an_error_that_is_borne_out():
     # its law is among those of the fit, so that it may be much better than claimed, but not worse
     assert (off < prediction.claim_factor).all()
     assert not {"claimed-error-unknown", "start-not-at-rest"} & set(ids(prediction))
+
+
+def test_a_hall_of_which_nobody_says_how_it_moves_is_part_of_the_error(record, model):
+    time, hall, true = truth_after(record[1])
+    told, unknown = (
+        np.sqrt(np.mean(model.error_um(CYCLE, time, one, follows=True) ** 2, axis=0)) for one in (hall, None)
+    )
+    off = np.sqrt(np.mean((model.displacement_um(CYCLE, time, None, follows=True) - true) ** 2, axis=0))
+    assert (off < 2.0 * unknown).all()
+    assert (off > 2.0 * told).all()

@@ -198,25 +198,41 @@ class DrivenModel:
         """Standard deviation of the error [µm], (n_times, n_responses).
 
         Where nobody `told` how the duty cycle begins and separate tests began warm, it may begin as these end, as
-        likely as a test began warm: how far that course is from this one is part of the error.
+        likely as a test began warm: how far that course is from this one is part of the error. So is, where nobody
+        says how the hall moves, what it did in the tests.
 
         What the record leaves open of coefficients, walk and ripple, times how much more left-out tests were off; and
         how far other fits are from this course. Of separate tests it is over the duty cycle two thirds of the way, by
         ratio, to the larger of what is left open, as the fit has it, and what left-out tests were off; of few, more.
         """
-        expected = self._expected_um(cyclogram, np.asarray(time_s, dtype=np.float64), hall, follows=follows)
-        if not self.is_separate or self.heldout_um is None:
-            return expected
-        times = self.times_expected(cyclogram, hall, follows=follows)
-        # no test began as the duty cycle does: the larger
-        way = 1.0 if self.begins_warm.all() and not follows else TO_LARGER
-        times = np.maximum(times**way, times ** (1.0 - way))
-        squares = (expected * times * few_factor(self.judged) / AT_MOST) ** 2
-        if not told:
-            # in a hall that stays: its step from the day of the tests to that of the duty cycle is no warm start
-            here, there = (self.displacement_um(cyclogram, time_s, None, follows=one) for one in (follows, not follows))
-            squares = squares + self.begins_warm.mean() * (there - here) ** 2
+        squares = self._expected_um(cyclogram, np.asarray(time_s, dtype=np.float64), hall, follows=follows) ** 2
+        if self.is_separate and self.heldout_um is not None:
+            times = self.times_expected(cyclogram, hall, follows=follows)
+            # no test began as the duty cycle does: the larger
+            way = 1.0 if self.begins_warm.all() and not follows else TO_LARGER
+            times = np.maximum(times**way, times ** (1.0 - way))
+            squares = squares * (times * few_factor(self.judged) / AT_MOST) ** 2
+            if not told:
+                # in a hall that stays: its step from the day of the tests to that of the duty cycle is no warm start
+                here, there = (
+                    self.displacement_um(cyclogram, time_s, None, follows=one) for one in (follows, not follows)
+                )
+                squares = squares + self.begins_warm.mean() * (there - here) ** 2
+        if self.ambients and hall is None:
+            squares = squares + self._by_hall(cyclogram, time_s, follows=follows)
         return np.asarray(np.sqrt(squares))
+
+    def _by_hall(self, cyclogram: Cyclogram, time_s: Vector, *, follows: bool) -> Vector:
+        """Mean square of what a hall that moves as in a test does beside one that stays, (n_times, n_responses)."""
+        here = self.displacement_um(cyclogram, time_s, None, follows=follows)
+        known, middle_s, squares = self.data.ambient_k, self.data.middle_s, np.zeros_like(here)
+        if known is None:
+            return squares
+        for part in self.parts:
+            at, first = slice(part.begin, part.end), part.begin
+            hall = AmbientCourse(middle_s[at] - middle_s[first], known[at] - known[first] + self.last_ambient_degc())
+            squares += (self.displacement_um(cyclogram, time_s, hall, follows=follows) - here) ** 2 / len(self.parts)
+        return squares
 
     def times_expected(self, cyclogram: Cyclogram, hall: AmbientCourse | None, *, follows: bool) -> Vector:
         """(n_responses,): What left-out tests were off ÷ what the fit expects of itself in a duty cycle, or NaN."""

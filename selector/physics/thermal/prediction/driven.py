@@ -176,7 +176,7 @@ def _of_hall(model: DrivenModel, ask: Asked, hall: AmbientCourse | None) -> Iter
             + ask.listed(here)
             + " for every kelvin"
             + (". The duty cycle says how it moves." if known else ". The duty cycle does not say how it moves: it was "
-               "taken to stay as it is at the beginning."),
+               "taken to stay as it is at the beginning. The error told is that of one that moves as in the tests."),
             Where(channel=name), {"um_per_k": here.tolist()},
             "" if known else f"add a column {name} with the temperature that is foreseen to the duty cycle",
             level="info" if known else "warning",
