@@ -378,7 +378,7 @@ def test_play_is_crossed_where_the_simulated_wind_up_turns_over():
     assert effects["drive.backlash"].parameters["lost_motion"].value == pytest.approx(14.0, rel=0.15)
 
 
-def turning(random: np.random.Generator, ripple: float = 0.0) -> Comparison:
+def turning(random: np.random.Generator, ripple: float = 0.0, waves: float = 6.0) -> Comparison:
     """A motor at one speed that wanders, in three runs with an angle that goes on; simulated is that one speed."""
     n, wanders = 900, []
     for _ in range(3):
@@ -386,7 +386,9 @@ def turning(random: np.random.Generator, ripple: float = 0.0) -> Comparison:
         wanders.append(4.5 + 0.02 * slow / np.std(slow))
     speed = np.concatenate(wanders)
     angle = np.cumsum(speed) * 5e-3 + np.repeat([0.0, 60.0, 130.0], n)
-    seen = speed + ripple * np.sin(2.0 * np.pi * 6.0 * angle) + 0.003 * random.standard_normal(3 * n)
+    turns = speed + ripple * np.sin(2.0 * np.pi * waves * angle)
+    angle = np.cumsum(turns) * 5e-3 + np.repeat([0.0, 60.0, 130.0], n)
+    seen = turns + 0.003 * random.standard_normal(3 * n)
     channels = (Channel("v", "velocity", "m/s", axis="C"), Channel("angle", "position", "m", axis="C"))
     return Comparison(
         runs=("a", "b", "c"),
@@ -405,7 +407,9 @@ def test_a_speed_that_is_compared_is_no_physics_of_its_own():
     assert not [effect.id for effect in answer.effects if effect.id.startswith("drive.")]
 
 
-def test_a_speed_ripples_along_its_turns_however_many_were_made():
-    answer = diagnosis(turning(np.random.default_rng(1), ripple=0.05))
+@pytest.mark.parametrize("waves", [1.0, 6.0])
+def test_a_speed_ripples_along_its_turns_however_many_were_made(waves):
+    """Which the angle does as well, being the way of that speed."""
+    answer = diagnosis(turning(np.random.default_rng(1), ripple=0.05, waves=waves))
     ripple = next(effect for effect in answer.effects if effect.id == "drive.ripple")
-    assert ripple.parameters["lead_mm"].value == pytest.approx(1e3 / 6.0, rel=0.002)
+    assert ripple.parameters["lead_mm"].value == pytest.approx(1e3 / waves, rel=0.002)

@@ -171,7 +171,7 @@ def leads(comparison: Comparison, axis: str | None, *, of_force: bool) -> tuple[
         seen = (*FORCE_ROLES, *PLACE_ROLES, "velocity") if of_force else PLACE_ROLES
         if channel.role not in seen or (axis is not None and channel.axis not in (None, axis)):
             continue
-        left = _left(comparison, moving, name)
+        left = _left(comparison, motion_of(comparison, name) if channel.role == "velocity" else moving, name)
         if excited(left):
             courses.append((felt(comparison, name, left) if of_force else left)[used])
             bins = _BINS_OF_TURNS if channel.role == "velocity" else bins
