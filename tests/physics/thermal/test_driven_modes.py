@@ -371,3 +371,14 @@ def test_a_hall_of_which_nobody_says_how_it_moves_is_part_of_the_error(record, m
     off = np.sqrt(np.mean((model.displacement_um(CYCLE, time, None, follows=True) - true) ** 2, axis=0))
     assert (off < 2.0 * unknown).all()
     assert (off > 2.0 * told).all()
+
+
+def test_a_hall_that_is_only_assumed_to_stay_beside_others_is_part_of_the_error(model):
+    time = np.arange(0.0, CYCLE.end_s + 1.0, 600.0)
+    stays = np.full((1, 1), model.last_ambient_degc()[0])
+    said, assumed, none = (
+        model.error_um(CYCLE, time, one, follows=True)
+        for one in (AmbientCourse(np.zeros(1), stays, ("hall",)), AmbientCourse(np.zeros(1), stays), None)
+    )
+    np.testing.assert_allclose(assumed, none)
+    assert (assumed[-1] > 2.0 * said[-1]).all()

@@ -36,7 +36,7 @@ class AmbientCourse:
 
     time_s: Vector  #: (n_times,): Increasing times [s]; the first is 0
     ambient_degc: Vector  #: (n_times, n_halls): Temperatures [°C]
-    names: tuple[str, ...] = ()  #: (n_halls,): The channels
+    names: tuple[str, ...] = ()  #: The channels of which it is said; others stay
 
     @classmethod
     def constant(cls, ambient_degc: Vector) -> "AmbientCourse":

@@ -199,7 +199,7 @@ class DrivenModel:
 
         Where nobody `told` how the duty cycle begins and separate tests began warm, it may begin as these end, as
         likely as a test began warm: how far that course is from this one is part of the error. So is, where nobody
-        says how the hall moves, what it did in the tests.
+        says how a hall moves, what it did in the tests.
 
         What the record leaves open of coefficients, walk and ripple, times how much more left-out tests were off; and
         how far other fits are from this course. Of separate tests it is over the duty cycle two thirds of the way, by
@@ -218,19 +218,19 @@ class DrivenModel:
                     self.displacement_um(cyclogram, time_s, None, follows=one) for one in (follows, not follows)
                 )
                 squares = squares + self.begins_warm.mean() * (there - here) ** 2
-        if self.ambients and hall is None:
-            squares = squares + self._by_hall(cyclogram, time_s, follows=follows)
-        return np.asarray(np.sqrt(squares))
+        unsaid = np.array([hall is None or name not in hall.names for name in self.ambients])
+        by_hall = self._by_hall(cyclogram, time_s, unsaid, follows=follows) if unsaid.any() else 0.0
+        return np.asarray(np.sqrt(squares + by_hall))
 
-    def _by_hall(self, cyclogram: Cyclogram, time_s: Vector, *, follows: bool) -> Vector:
-        """Mean square of what a hall that moves as in a test does beside one that stays, (n_times, n_responses)."""
+    def _by_hall(self, cyclogram: Cyclogram, time_s: Vector, unsaid: Vector, *, follows: bool) -> Vector:
+        """Mean square of what `unsaid` halls that move as in a test do beside still ones, (n_times, n_responses)."""
         here = self.displacement_um(cyclogram, time_s, None, follows=follows)
         known, middle_s, squares = self.data.ambient_k, self.data.middle_s, np.zeros_like(here)
         if known is None:
             return squares
         for part in self.parts:
-            at, first = slice(part.begin, part.end), part.begin
-            hall = AmbientCourse(middle_s[at] - middle_s[first], known[at] - known[first] + self.last_ambient_degc())
+            at, moved = slice(part.begin, part.end), (known - known[part.begin]) * unsaid
+            hall = AmbientCourse(middle_s[at] - middle_s[part.begin], moved[at] + self.last_ambient_degc())
             squares += (self.displacement_um(cyclogram, time_s, hall, follows=follows) - here) ** 2 / len(self.parts)
         return squares
 

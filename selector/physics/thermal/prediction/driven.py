@@ -55,7 +55,7 @@ def _hall(model: DrivenModel, ask: Asked) -> AmbientCourse | None:
         else np.full(len(ask.hall.time_s), last[k])
         for k, name in enumerate(model.ambients)
     ]
-    return AmbientCourse(ask.hall.time_s, np.column_stack(courses), model.ambients)
+    return AmbientCourse(ask.hall.time_s, np.column_stack(courses), ask.hall.names)
 
 
 def _repeats(model: DrivenModel) -> Iterator[RepeatedTest]:
@@ -169,7 +169,7 @@ def _of_hall(model: DrivenModel, ask: Asked, hall: AmbientCourse | None) -> Iter
     gains = model.fit.coefficients[terms:].reshape(-1, len(model.responses))
     for k, name in enumerate(model.ambients):
         here = gains[k : len(model.ambients) * model.fit.spec.n_modes : len(model.ambients)].sum(axis=0)
-        known = hall is not None and ask.hall is not None and name in ask.hall.names
+        known = hall is not None and name in hall.names
         yield FINDINGS.finding(
             "hall-temperature-drives-displacement",
             f"{name} moved during the tests and moves the displacements, in the end by "
