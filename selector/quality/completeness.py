@@ -270,7 +270,7 @@ def _gap(
     where = Where(channel, run, windows[0][0], windows[-1][1])
     is_long = lengths[longest] > LONG_PERIODS * usual
     advice = (
-        "split the file where a new run begins; `select` counts the parts of a single record each from its own start"
+        "split the file where a new run begins; of a single record `select` does so itself, `apply` and a replay do not"
     )
     advice_of_pause = advice if is_long and channel is None and lengths[longest] > PAUSE_S else None
     return FINDINGS.finding("gap", told, where, evidence, advice_of_pause, level="warning" if is_long else "info")

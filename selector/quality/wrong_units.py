@@ -61,7 +61,10 @@ _ALL_ALIKE_C = {
 
 def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
     """Findings ``wrong-unit`` for temperatures, by the level at the start of each run. O(samples)."""
-    columns = survey.columns(*THERMAL_ROLES)
+    # a dead channel has no unit
+    columns = [
+        c for c in survey.columns(*THERMAL_ROLES) if any(survey.scale(run, c).distinct > 1 for run in survey.runs)
+    ]
     level = np.array([[survey.scale(run, c).start for run in survey.runs] for c in columns]).reshape(
         len(columns), len(survey.runs)
     )
