@@ -61,13 +61,12 @@ _ALL_ALIKE_C = {
 
 def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
     """Findings ``wrong-unit`` for temperatures, by the level at the start of each run. O(samples)."""
-    # a dead channel has no unit
-    columns = [
-        c for c in survey.columns(*THERMAL_ROLES) if any(survey.scale(run, c).distinct > 1 for run in survey.runs)
+    columns = survey.columns(*THERMAL_ROLES)
+    # what never changes in a run is dead, and measures in no unit
+    starts = [
+        [s.start if s.distinct > 1 else np.nan for r in survey.runs if (s := survey.scale(r, c))] for c in columns
     ]
-    level = np.array([[survey.scale(run, c).start for run in survey.runs] for c in columns]).reshape(
-        len(columns), len(survey.runs)
-    )
+    level = np.array(starts, dtype=np.float64).reshape(len(columns), len(survey.runs))
     if not np.isfinite(level).any():
         return
     coldest, hottest = float(np.nanmin(level)), float(np.nanmax(level))
@@ -120,8 +119,8 @@ def _told_temperatures(
         whole_run = bool(affected[:, r][np.isfinite(level[:, r])].mean() > 0.7)
         # a level alone could be a hot part; movement that is right as it stands says that it is one
         moves_right = gain is not None and 0.75 < gain < 1.25 and mistake.gain not in (1.0, 10.0, 100.0)
-        # unless what the movement was learned from has the same mistake: then every start tells it
-        if moves_right and not whole_run and not _every_start_agrees(level, i, mistake):
+        # unless what the movement was learned from has the same mistake: then the starts tell it
+        if moves_right and not whole_run and not _starts_agree(level, i, mistake):
             continue
         acts = bool(healthy.any())
         now = float(level[i, r])
@@ -141,14 +140,13 @@ def _told_temperatures(
         )
 
 
-def _every_start_agrees(level: Floats, i: int, mistake: Mistake) -> bool:
-    """Whether a channel starts where the others do, in all of at least two runs, once the mistake is undone."""
+def _starts_agree(level: Floats, i: int, mistake: Mistake) -> bool:
+    """Whether a channel starts where the others do in two runs and in most, the warm ones aside, the mistake undone."""
     siblings = np.delete(level, i, axis=0)
     runs = np.flatnonzero(np.isfinite(level[i]) & np.isfinite(siblings).any(axis=0))
-    if len(runs) < 2 or len(runs) < np.isfinite(level[i]).sum():
-        return False
     middle = np.nanmedian(siblings[:, runs], axis=0)
-    return bool((np.abs((level[i, runs] - mistake.offset) / mistake.gain - middle) < _SAME_START_K).all())
+    agreeing = np.sum(np.abs((level[i, runs] - mistake.offset) / mistake.gain - middle) < _SAME_START_K)
+    return bool(agreeing >= 2 and agreeing > 0.5 * np.isfinite(level[i]).sum())
 
 
 def _gain(relations: Relations, column: int, r: int, affected: list[int]) -> float | None:

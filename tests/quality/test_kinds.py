@@ -239,8 +239,19 @@ def test_a_part_that_is_hot_in_every_run_is_not_called_fahrenheit(tables):
     assert not [f for f in inspect(plain_recording(tables)) if f.id == "wrong-unit"]
 
 
-def test_one_channel_in_fahrenheit_in_every_run_is_told(tables):
+@pytest.mark.parametrize("value", [85.0, 293.15])
+def test_a_dead_channel_is_not_called_one_in_another_unit(tables, value):
+    for run in ("r1", "r2", "r3", "r4"):
+        tables[run]["T3"] = value
+        found = inspect(plain_recording(tables))
+        assert not [f for f in found if f.id == "wrong-unit"]
+        assert [f.id for f in found if f.where.channel == "T3"]
+
+
+@pytest.mark.parametrize("warm_k", [0.0, 6.0], ids=["cold starts", "one warm start"])
+def test_one_channel_in_fahrenheit_in_every_run_is_told(tables, warm_k):
     # what its movement is learned from has the same mistake, so that only the cold starts can tell it
+    tables["r2"]["T3"] += warm_k
     for table in tables.values():
         table["T3"] = 1.8 * table["T3"] + 32
     found = [f for f in inspect(plain_recording(tables)) if f.id == "wrong-unit"]
