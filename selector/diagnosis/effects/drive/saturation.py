@@ -26,7 +26,7 @@ _SHARES_OF_SPEED = (0.97, 0.94, 0.9, 0.85, 0.8, 0.7)  #: Less would be a lack in
 _SHARES_OF_FASTEST, _LAGS = (1.0, 0.9, 0.8), (0.1, 0.33, 1.0)
 _HARDLY = 0.99
 _CLEARLY = 1.5  #: Times a limit of speed: a command that is hardly faster is followed late, which a delay is.
-#: Of a limit of speed: what moves slower stands, what moves faster goes at it, as it does for half of its way at least.
+#: Of a limit of speed: what moves slower stands, what moves faster goes at it, as at least half of the moving rows do.
 _STANDS, _AT_LIMIT, _HALF = 0.2, 0.8, 0.5
 _FEWEST_ROWS = 5
 _FURTHEST_S = 10.0  #: Way behind, as the time in which the whole force would go it from rest.
