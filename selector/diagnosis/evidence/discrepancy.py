@@ -10,7 +10,7 @@ how a response has moved of late counts where it was: of what vibrates the one s
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from scipy.special import logsumexp
@@ -19,7 +19,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, unseen_rms, without
 from selector.diagnosis.evidence.testing import members_of, prices_of
-from selector.diagnosis.shapes.residual import least_squares
+from selector.diagnosis.shapes.residual import least_squares, off
 from selector.diagnosis.shapes.signals import lagged
 from selector.types import Matrix
 
@@ -136,11 +136,7 @@ def _evidence(bench: Bench, others: Sequence[int], id_: str, waves: _Misfits) ->
 
     The last is the likeliest size of the misfit beside the name, in parts of the mismatch.
     """
-    base = np.linalg.qr(bench.base(others))[0]
-
-    def rest(columns: Matrix) -> Matrix:
-        return np.asarray(columns - base @ (base.T @ columns))
-
+    rest = partial(off, np.linalg.qr(bench.base(others))[0])
     target, own = rest(bench.white_target), members_of(bench)[id_]
     prices = prices_of(bench)[own]
     columns = [rest(bench.white_columns[:, bench.candidates[v].columns]) for v in own]

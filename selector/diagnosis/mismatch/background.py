@@ -10,6 +10,7 @@ from scipy.signal.windows import tukey
 from scipy.stats import norm, rankdata
 
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.shapes.residual import basis
 from selector.diagnosis.shapes.signals import rate
 from selector.types import Matrix, Vector
 
@@ -216,9 +217,7 @@ def recalibrated_away(comparison: Comparison, response: str, rows: Sequence[NDAr
     columns += [simulated, rate(comparison, simulated)]
     table = np.zeros((n, len(columns)))
     table[seen] = np.column_stack(columns)[seen]
-    size = np.linalg.norm(table, axis=0)
-    left, values, _ = np.linalg.svd(table[:, size > 0] / size[size > 0], full_matrices=False)
-    return np.asarray(left[:, values > 1e-6])
+    return basis(table, least=1e-6)
 
 
 def noise_alone(

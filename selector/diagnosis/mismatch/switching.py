@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, optimize
-from scipy.linalg import orth
 
 from selector.diagnosis.answer import NamedEffect, Place
 from selector.diagnosis.comparison import Comparison
@@ -16,7 +15,7 @@ from selector.diagnosis.finding_table import FINDINGS, UNRECORDED_SWITCH
 from selector.diagnosis.mismatch.background import seen_rows
 from selector.diagnosis.mismatch.location import LARGE, active_windows, in_words
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record
-from selector.diagnosis.shapes.residual import least_squares
+from selector.diagnosis.shapes.residual import basis, least_squares, off
 from selector.diagnosis.shapes.signals import course
 from selector.diagnosis.wording import amount
 from selector.findings import Finding, Where
@@ -40,6 +39,7 @@ _TELLS = 2.0  #: Standard errors in half an interval.
 _PART = 0.4  #: Of the way to the next change that one may be moved.
 _RATIOS = (1e-3, 0.1, 0.2, 1.0 / 3.0, 0.6)  #: Of the second time constant to the first; the first is none.
 _UNKNOWN = 0.3  #: Of the time constants: half an interval at least, since no response is exactly of this shape.
+_FURTHER = 1e-6  #: Of the scale of a value: the step of its slopes.
 _FITS = 30  #: Times that moments and time constants are fitted at most.
 _COMMANDED = ("spindle_speed", "feed_rate", "flow", "state", "load")
 #: Of the changes that stand beside those of a command: from here on they are the command's, if by chance fewer would.
@@ -231,9 +231,8 @@ def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple
     """(readings with a change, what is left before and after every one): the best next one while it gains its price."""
     n = len(record.target)
     price = 2.0 * _PRICE * np.log(n) * variance
-    columns = record.columns(lags_s)
-    base = orth(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), rcond=1e-9)
-    left = [record.target - base @ (base.T @ record.target)]
+    base = basis(record.columns(lags_s))
+    left: list[Vector] = [off(base, record.target)]
     # on an even grid, on which readings that lack are 0
     at, spans = record.grid
     reading = np.full(spans[-1].stop, -1)
@@ -264,7 +263,7 @@ def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple
         whole[best:end] = step[: end - best]
         column = whole[at]
         for _ in range(2):  # once more for what rounding leaves
-            column = column - base @ (base.T @ column)
+            column = off(base, column)
         column /= np.linalg.norm(column)
         base = np.column_stack([base, column])
         left.append(left[-1] - column * (column @ left[-1]))
@@ -327,6 +326,7 @@ def _fitted(record: _Record, lags_s: Lags, moments: Sequence[Moment]) -> tuple[L
 
     Changes of one sign beside each other are one between two readings. A second time constant is first of all a delay:
     for each ratio of the two the others are fitted anew, and the intervals are those of all ratios that are likely.
+    Sizes are fitted inside; of slopes, what they change is left out (L. Kaufman, BIT Numer. Math. 15, 1975).
     """
     runs, low_s, high_s = _joined(record, lags_s, moments)
     scale = np.array([0.1, *[record.period_s] * len(runs)])
@@ -344,7 +344,14 @@ def _fitted(record: _Record, lags_s: Lags, moments: Sequence[Moment]) -> tuple[L
         def left(values: Vector, ratio: float = ratio) -> Vector:
             return record.left(*of(values, ratio))
 
-        fit = optimize.least_squares(left, begin, bounds=bounds, max_nfev=_FITS)
+        def slopes(values: Vector, ratio: float = ratio) -> Matrix:
+            columns, first = record.columns(*of(values, ratio)), np.arange(len(values)) == 0
+            sizes = least_squares(columns, record.target)
+            by_lag, by_time = (record.columns(*of(values + _FURTHER * w, ratio)) - columns for w in (first, ~first))
+            moved = np.column_stack([by_lag @ sizes, (by_time * sizes)[:, -len(runs) :]]) / _FURTHER
+            return np.asarray(-off(basis(columns), moved))
+
+        fit = optimize.least_squares(left, begin, slopes, bounds, max_nfev=_FITS)
         jacobian, noise = np.asarray(fit.jac), _noise(np.asarray(fit.fun))
         halves = _TELLS * record.period_s * np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian) * noise))[1:]
         fits.append((float(fit.cost), *of(fit.x, ratio), halves, noise))

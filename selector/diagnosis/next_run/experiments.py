@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.next_run.planned_runs import PlannedRun, planned_runs
 from selector.diagnosis.shapes.axis import derivatives
 from selector.diagnosis.shapes.heating import SHORTEST_S, follows_sensors, heats, sources
+from selector.diagnosis.shapes.residual import basis, off
 from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, lagged, rise, time_constants
 from selector.types import Matrix, Vector
 
@@ -322,9 +322,9 @@ def separations(
             truths[id_] = _like(scene, base, shape, meant)
     # what nothing of is seen in the record may be fitted, but is not taken for true
     # what recalibration and the other named effects leave of it on the recorded rows
-    own = _basis(base[scene.old])
+    own = basis(base[scene.old])
     seen = {
-        id_ for id_, truth in truths.items() if id_ == effect.id or np.linalg.norm(_off(own, truth[scene.old])) > 1.0
+        id_ for id_, truth in truths.items() if id_ == effect.id or np.linalg.norm(off(own, truth[scene.old])) > 1.0
     }
     return tuple(
         Separation(true, other, _distance(scene, base, truths[true], other))
@@ -379,8 +379,8 @@ def _scene(
 
 def _nearest(scene: _Scene, base: Matrix, id_: str, course: Vector) -> Variant | None:
     """The shape of an effect that comes nearest to a course on the recorded rows; None if it has none here."""
-    shapes, q = scene.of(id_), _basis(base[scene.old])
-    target = _off(q, _target(scene, course))
+    shapes, q = scene.of(id_), basis(base[scene.old])
+    target = off(q, _target(scene, course))
     gains = [_gain(q, white[scene.old], target) for _, white in shapes]
     return shapes[int(np.argmax(gains))][0] if shapes else None
 
@@ -394,20 +394,15 @@ def _target(scene: _Scene, course: Vector) -> Vector:
 def _like(scene: _Scene, base: Matrix, shape: Variant, course: Vector) -> Vector:
     """The shape, as large as makes it come nearest to the course on recorded rows; behind the filter, all rows."""
     white = scene.white(shape.columns)
-    q = _basis(base[scene.old])
-    fit = np.linalg.lstsq(_off(q, white[scene.old]), _off(q, _target(scene, course)), rcond=1e-8)[0]
+    q = basis(base[scene.old])
+    fit = np.linalg.lstsq(off(q, white[scene.old]), off(q, _target(scene, course)), rcond=1e-8)[0]
     return np.asarray(white @ fit)
-
-
-def _off(q: Matrix, columns: Any) -> Any:
-    """Columns, or one, without what lies in a basis."""
-    return columns - q @ (q.T @ columns)
 
 
 def _distance(scene: _Scene, base: Matrix, truth: Vector, other: str) -> float:
     """What is left of the true course when the other effect is fitted to it, the shape that does best."""
-    q = _basis(base)
-    target = _off(q, truth)
+    q = basis(base)
+    target = off(q, truth)
     left = float(target @ target)
     gain = max((_gain(q, white, target) for _, white in scene.of(other)), default=0.0)
     return float(np.sqrt(max(left - gain - _INEXACT**2 * left, 0.0)))
@@ -424,13 +419,6 @@ def _gain(q: Matrix, columns: Matrix, target: Vector) -> float:
     kept = values > 1e-5
     turned = vectors.T @ score
     return float(np.sum(turned[kept] ** 2 / values[kept]))
-
-
-def _basis(columns: Matrix) -> Matrix:
-    size = np.sqrt(np.einsum("nk,nk->k", columns, columns))
-    columns = columns[:, size > 0.0] / size[size > 0.0]
-    left, values, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left[:, values > 1e-8 * values.max(initial=1.0)])
 
 
 def kept_rows(comparison: Comparison) -> NDArray[np.intp]:

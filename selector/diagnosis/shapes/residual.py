@@ -1,6 +1,7 @@
 """What offset, gain and delay of a simulation leave of the difference, and what it makes of readings as inputs."""
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,18 @@ def least_squares(columns: Matrix, values: Vector) -> Vector:
     return np.asarray(np.linalg.lstsq(columns / size, values, rcond=1e-12)[0] / size)
 
 
+def basis(columns: Matrix, *, least: float = 1e-8) -> Matrix:
+    """Orthonormal columns that span the same; what is below `least` of the strongest is rounding."""
+    size = np.linalg.norm(columns, axis=0)
+    left, values, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    return np.asarray(left[:, values > least * values.max(initial=0.0)])
+
+
+def off(q: Matrix, columns: Any) -> Any:
+    """Columns, or one, without what lies in a basis."""
+    return columns - q @ (q.T @ columns)
+
+
 class Remainder:
     """How much of the difference a single course explains, beyond offset, gain and delay, in the fitted rows."""
 
@@ -37,14 +50,13 @@ class Remainder:
         simulated = comparison.simulated_course(response)
         self._rows = np.isfinite(difference) & ~comparison.held_out
         columns = np.column_stack([np.ones(len(simulated)), simulated, rate(comparison, simulated)])[self._rows]
-        size = np.sqrt(np.mean(columns**2, axis=0)) if len(columns) else np.ones(3)
-        self._base = np.linalg.qr(columns / np.where(size > 0.0, size, 1.0))[0]
-        self._left = self._off(difference[self._rows])
+        self._base = basis(columns)
+        self._left = off(self._base, difference[self._rows])
         self._whole = float(self._left @ self._left)
 
     def share(self, column: Vector, *, most: float = np.inf) -> float:
         """Share of the remaining squares, 0 … 1, with a coefficient of 0 to `most` (of either sign if not positive)."""
-        part = self._off(column[self._rows])
+        part = off(self._base, column[self._rows])
         squares, along = float(part @ part), float(part @ self._left)
         if squares <= 1e-20 * float(column @ column) or self._whole <= 0.0 or along < 0.0:
             return 0.0
@@ -65,9 +77,6 @@ class Remainder:
 
     def _score(self, column: Vector | None) -> float:
         return 0.0 if column is None else self.share(column)
-
-    def _off(self, values: Vector) -> Vector:
-        return np.asarray(values - self._base @ (self._base.T @ values))
 
 
 _ROLES = ("temperature", "ambient")
