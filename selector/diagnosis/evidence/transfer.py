@@ -6,7 +6,6 @@ ones, too. How much of both shapes explain that are certainly wrong is seen by t
 time, as for `misfit`.
 """
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -125,13 +124,17 @@ class _Shapes:
 
         # what stands in every run is the same at any time
         self.numbers = [v for v, size in sizes.items() if size <= _WIDEST and moves(bench.raw(v)[some])]
-        ends = np.cumsum([0, *(sizes[v] for v in self.numbers)])
-        self._parts = [slice(a, b) for a, b in itertools.pairwise(ends.tolist())]
         self._x = np.column_stack([np.empty((len(self.runs), 0)), *(bench.raw(v)[some] for v in self.numbers)])
-        squares = [self._x[:, of, None] * self._x[:, None, of] for of in self._parts]
-        self._squares = np.column_stack(
-            [np.empty((len(self.runs), 0)), *(one.reshape(len(one), -1) for one in squares)]
-        )
+        widths = np.array([sizes[v] for v in self.numbers], dtype=np.intp)
+        starts, products = np.cumsum(widths) - widths, [np.empty((len(self.runs), 0))]
+        #: shapes of as many columns: which they are, and their columns (n, size)
+        self._alike: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
+        for size in np.unique(widths).tolist():
+            shapes = np.flatnonzero(widths == size)
+            at = starts[shapes, None] + np.arange(size)
+            self._alike.append((shapes, at))
+            products.append((self._x[:, at, None] * self._x[:, at][:, :, None]).reshape(len(self._x), -1))
+        self._squares = np.column_stack(products)
         seen = np.isfinite(bench.target[some])
         fitted = bench.fitted[some]
         target = np.where(seen, bench.target[some], 0.0)
@@ -156,16 +159,18 @@ class _Shapes:
         squares = self._squares.T @ self._rows[rows]
         slope, along = here[:, :-1], here[:, -1]
         own, with_left = self._own_unseen[:-1, :-1], self._own_unseen[:-1, -1]
-        found = np.empty(len(self._parts))
+        found = np.empty(len(self.numbers))
         first = 0
-        for k, of in enumerate(self._parts):
-            size = of.stop - of.start
-            gram, gram_unseen = squares[first : first + size**2].T.reshape(2, size, size)
-            first += size**2
-            z, cross = slope[of], there[of, :-1] @ slope[of].T
-            beta = np.linalg.pinv(gram - z @ z.T, rcond=1e-8, hermitian=True) @ along[of]
-            gram_unseen = gram_unseen - cross - cross.T + z @ own @ z.T
-            unseen = there[of, -1] - z @ with_left
-            after = self._own_unseen[-1, -1] - 2.0 * float(beta @ unseen) + float(beta @ gram_unseen @ beta)
-            found[k] = min(float(beta @ along[of]) / self._before, 1.0 - after / self._before_unseen)
+        for shapes, at in self._alike:
+            last = first + at.size * at.shape[1]
+            gram, gram_unseen = squares[first:last].T.reshape(2, *at.shape, at.shape[1])
+            first, z, aim = last, slope[at], along[at]
+            across = z.swapaxes(1, 2)
+            beta = (np.linalg.pinv(gram - z @ across, rcond=1e-8, hermitian=True) @ aim[:, :, None])[:, :, 0]
+            cross = there[at, :-1] @ across
+            gram_unseen = gram_unseen - cross - cross.swapaxes(1, 2) + z @ own @ across
+            gained = 2.0 * np.sum(beta * (there[at, -1] - z @ with_left), axis=1)
+            after = self._own_unseen[-1, -1] - gained + np.einsum("ki,kij,kj->k", beta, gram_unseen, beta)
+            explained = np.sum(beta * aim, axis=1) / self._before
+            found[shapes] = np.minimum(explained, 1.0 - after / self._before_unseen)
         return found
