@@ -17,7 +17,7 @@ from functools import cache, partial
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 
 from selector.physics.thermal.modes.fit import USUAL_EXPONENT, Law, ModeSpec, columns, expectations, film_starts, limits
 from selector.physics.thermal.modes.thermal_test import ModeData
@@ -30,6 +30,7 @@ MOST_MODES, MOST_WITH_FILM = 6, 4
 LAWS: tuple[Law, ...] = ("powers", "turning-squares")
 LOOSE = 1.2  #: A standard error of log τ above this is no bound: the interval spans more than a factor of 100.
 _STEP = 0.02
+_FLAT = 3e-8  #: Share of the loss: what gains less is the last step. Of some thousands it is a ten-thousandth.
 COST = 2.0  #: What a searched parameter has to add to the logarithm of the likelihood: Akaike's 1, and once more.
 #: A likelihood that is flatter than this in a logarithm bounds nothing: half of what is expected within e².
 FLATTEST = 0.25
@@ -118,8 +119,7 @@ def _spreads(
 
     low, high = usual - FURTHEST * width, usual + FURTHEST * width
     begin = usual if not np.isfinite(start).all() else np.clip(start, low, high)
-    bounds = list(zip(low, high, strict=True))
-    return np.asarray(minimize(lost, begin, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60}).x)
+    return np.asarray(minimize(lost, begin, bounds=Bounds(low, high), options={"maxiter": 60, "ftol": _FLAT}).x)
 
 
 def _lost(spec: ModeSpec, data: ModeData, theta: Vector, spreads: Vector, noise_um2: list[Vector]) -> float:
@@ -154,9 +154,8 @@ def fitted(
     for _ in range(rounds):
         values, kinds = filled(theta)
         known = np.array([_spreads(values[r], kinds, data, r, noise_um2[r], known[r]) for r in responses])
-        bounds = list(zip(low, high, strict=True))
         lost = partial(_lost, spec, data, spreads=known, noise_um2=noise_um2)
-        theta = minimize(lost, theta, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25, "eps": 1e-4}).x
+        theta = minimize(lost, theta, bounds=Bounds(low, high), options={"maxiter": 25, "eps": 1e-4, "ftol": _FLAT}).x
     values, kinds = filled(theta)
     coefficients, covariance = [], []
     for r in responses:

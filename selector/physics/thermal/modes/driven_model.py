@@ -134,16 +134,18 @@ class DrivenModel:
         state, left = entry or (np.zeros((modes, terms.shape[1] + degrees.shape[1])), np.ones(modes))
         at = np.clip(np.searchsorted(edges, time_s, side="right") - 1, 0, len(edges) - 2)
         states, starts = np.empty((len(time_s), *state.shape)), np.empty((len(time_s), modes))
-        for i, length in enumerate(np.diff(edges)):
-            value, vector = np.linalg.eigh(np.diag(rate) + share[i] * film)
-            level = np.r_[terms[i], degrees[i]]
-            slope = np.r_[np.zeros(terms.shape[1]), (degrees[i + 1] - degrees[i]) / length]
-            rows = np.flatnonzero(at == i)
-            since = np.r_[time_s[rows] - edges[i], length][:, None, None]
-            push = (vector.T @ (drive * rate))[:, None]
-            lag = push / value[:, None] * (level + slope * since - slope / value[:, None])
-            inward = vector.T @ state - lag[0] + push / value[:, None] * slope * since[0]
-            course = vector @ (lag + inward * np.exp(-since * value[:, None]))
+        inputs, lengths = np.hstack([terms, degrees]), np.diff(edges)
+        slopes = np.diff(np.hstack([np.zeros(terms.shape), degrees]), axis=0) / lengths[:, None]
+        order = np.argsort(at, kind="stable")
+        parts = np.split(order, np.searchsorted(at[order], np.arange(1, len(lengths))))
+        for i, (slope, length, rows) in enumerate(zip(slopes, lengths, parts, strict=True)):
+            if i == 0 or share[i] != share[i - 1]:
+                of_film, vector = np.linalg.eigh(np.diag(rate) + share[i] * film)
+                value, push = of_film[:, None], (vector.T @ (drive * rate) / of_film)[:, None]
+            since = np.append(time_s[rows] - edges[i], length)[:, None, None]
+            lag = push * (inputs[i] + slope * since - slope / value)
+            inward = vector.T @ state - lag[0] + push * slope * since[0]
+            course = vector @ (lag + inward * np.exp(-since * value))
             faded = left * np.exp(-since[:, :, 0] * (rate + share[i] * np.diag(film)))
             states[rows], state = course[:-1], course[-1]
             starts[rows], left = faded[:-1], faded[-1]
@@ -151,10 +153,8 @@ class DrivenModel:
         if run is not None:
             of_runs[:, run] = starts
         size = terms.shape[1]
-        parts = (states[:, :, :size], states[:, :, size:], of_runs)
-        widths = [int(np.prod(part.shape[1:])) for part in parts]
-        columns = [part.reshape(len(time_s), width) for part, width in zip(parts, widths, strict=True)]
-        return np.hstack(columns), (state, left)
+        columns = (states[:, :, :size], states[:, :, size:], of_runs)
+        return np.hstack([part.reshape(len(time_s), int(np.prod(part.shape[1:]))) for part in columns]), (state, left)
 
     def cyclogram_of(self, run: int) -> Cyclogram:
         """The speeds of a run."""

@@ -446,17 +446,16 @@ def _filtered_loop(
     n, modes, terms = len(speed), len(rate), inputs.shape[1]
     out = np.empty((n, modes, terms))
     left = np.empty((n, modes))
-    x = np.zeros((modes, terms))
-    z = np.zeros((modes, terms))
     remaining = np.ones(modes)
-    q = np.eye(modes)
-    w = rate.copy()
-    steady = np.zeros((modes, terms))
+    # of the eigenvectors q: the state, what a unit of each input leads to in the end, and states at mean times
+    q, w, z = np.eye(modes), rate.copy(), np.zeros((modes, terms))
+    aims, mean = (drive / rate).T.copy(), np.zeros((modes, terms))
+    kept, rest, kept_alone, rest_alone = np.ones((4, modes))
     coupled = np.abs(film).max() > 0.0
     last = -1.0
     for i in range(n):
         if first[i]:
-            x[:] = 0.0
+            z[:] = 0.0
             remaining[:] = 1.0
             last = -1.0
         if coupled and (last < 0.0 or abs(speed[i] - last) > same_rpm):
@@ -464,46 +463,38 @@ def _filtered_loop(
             matrix = share[i] * film
             for k in range(modes):
                 matrix[k, k] += rate[k]
+            before = q
             w, q = np.linalg.eigh(matrix)
-        if not coupled:
-            # q is 1 and w the rates: the same sums without their zeros
+            for j in range(terms):
+                for k in range(modes):
+                    mean[k, j] = 0.0
+                    for m in range(modes):
+                        mean[k, j] += before[k, m] * z[m, j]
+                for k in range(modes):
+                    z[k, j] = aims[k, j] = 0.0
+                    for m in range(modes):
+                        z[k, j] += q[m, k] * mean[m, j]
+                        aims[k, j] += q[m, k] * drive[j, m] / w[k]
+        # most blocks are as long as the one before, at the same speed
+        if first[i] or before_s[i] != before_s[i - 1] or after_s[i] != after_s[i - 1] or share[i] != share[i - 1]:
             for k in range(modes):
-                before, after = np.exp(-before_s[i] * rate[k]), np.exp(-after_s[i] * rate[k])
-                left[i, k] = remaining[k] * before
-                remaining[k] = left[i, k] * after
-                for j in range(terms):
-                    aim = drive[j, k] / rate[k] * inputs[i, j]
-                    out[i, k, j] = aim + (x[k, j] - aim) * before
-                    x[k, j] = aim + (out[i, k, j] - aim) * after
-            continue
+                own = rate[k] + share[i] * film[k, k]
+                kept[k], rest[k] = np.exp(-before_s[i] * w[k]), np.exp(-after_s[i] * w[k])
+                kept_alone[k], rest_alone[k] = np.exp(-before_s[i] * own), np.exp(-after_s[i] * own)
+        for k in range(modes):
+            left[i, k] = remaining[k] * kept_alone[k]
+            remaining[k] = left[i, k] * rest_alone[k]
+            for j in range(terms):
+                aim = aims[k, j] * inputs[i, j]
+                mean[k, j] = aim + (z[k, j] - aim) * kept[k]
+                z[k, j] = aim + (mean[k, j] - aim) * rest[k]
         for k in range(modes):
             for j in range(terms):
-                total = 0.0
-                push = 0.0
-                for m in range(modes):
-                    total += q[m, k] * x[m, j]
-                    push += q[m, k] * drive[j, m]
-                steady[k, j] = push / w[k] * inputs[i, j]
-                z[k, j] = steady[k, j] + (total - steady[k, j]) * np.exp(-before_s[i] * w[k])
-        for k in range(modes):
-            own = rate[k] + share[i] * film[k, k]
-            left[i, k] = remaining[k] * np.exp(-before_s[i] * own)
-            remaining[k] = left[i, k] * np.exp(-after_s[i] * own)
-            for j in range(terms):
-                total = 0.0
-                for m in range(modes):
-                    total += q[k, m] * z[m, j]
-                out[i, k, j] = total
-        for k in range(modes):
-            rest = np.exp(-after_s[i] * w[k])
-            for j in range(terms):
-                z[k, j] = steady[k, j] + (z[k, j] - steady[k, j]) * rest
-        for k in range(modes):
-            for j in range(terms):
-                total = 0.0
-                for m in range(modes):
-                    total += q[k, m] * z[m, j]
-                x[k, j] = total
+                out[i, k, j] = mean[k, j]
+                if coupled:
+                    out[i, k, j] = 0.0
+                    for m in range(modes):
+                        out[i, k, j] += q[k, m] * mean[m, j]
     return out, left
 
 
