@@ -97,7 +97,7 @@ def power_by_effect(
         half, name = _interval([share for _, share in at], thickness=1.2, width=0), f"d′ = {d_prime:g}"
         shares, rows = [share.value for _, share in at], [i + offset for i, _ in at]
         style.points(drawn, shares, rows, colour, name, f"{name}: %{{x:.0%}}", error_x=half)
-        style.rule(drawn, oracle[d_prime], colour)
+        drawn.add_shape(style.rule(oracle[d_prime], colour))
     drawn.update_xaxes(title_text="share found [–]", range=[-0.02, 1.02], tickformat=".0%")
     drawn.update_yaxes(
         tickvals=list(range(len(names))), ticktext=[style.label(name, _LONGEST_ID) for name in names],
@@ -135,7 +135,7 @@ def gap_closed(shares: Mapping[str, Sequence[float]]) -> go.Figure:
             marker={"color": style.PREDICTED if k == 0 else style.MUTED, "size": 3}, hoverinfo="x",
         )  # fmt: skip
     for at, colour in ((0.0, style.MUTED), (1.0, style.CHOSEN)):
-        style.rule(drawn, at, colour, width=2)
+        drawn.add_shape(style.rule(at, colour, width=2))
     drawn.update_xaxes(title_text="share of the gap closed [–]; 0 = recalibrated, 1 = oracle", range=[-1.05, 1.55])
     drawn.update_yaxes(autorange="reversed", ticks="")
     return drawn
@@ -181,8 +181,8 @@ def seconds_histogram(seconds: Sequence[float], limits: Sequence[float]) -> go.F
     )  # fmt: skip
     for limit in limits:
         at = math.log10(limit)
-        style.rule(drawn, at, style.INK, width=2)
-        style.words(drawn, f"{limit:g} s", at, 1.0, yref="paper", yanchor="bottom")
+        drawn.add_shape(style.rule(at, style.INK, width=2))
+        drawn.add_annotation(style.words(f"{limit:g} s", at, 1.0, yref="paper", yanchor="bottom"))
     ticks = [
         tick
         for tick in (0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000)

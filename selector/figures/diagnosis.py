@@ -95,7 +95,7 @@ class RunAxis:
             is_held = bool(self._comparison.held_out[rows].all()) and length > 2 * room
             text = f"<b>{style.label(run, 18)}</b>" + (" (held out)" if is_held else "")
             above = {"xref": "x", "xanchor": "left", "yref": "paper", "yanchor": "bottom"}
-            style.words(drawn, text, start / seconds, 1.0, **above)
+            drawn.add_annotation(style.words(text, start / seconds, 1.0, **above))
 
 
 _MOST_EFFECTS = 4

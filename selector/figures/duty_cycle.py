@@ -112,5 +112,6 @@ def _corrections(program: CorrectionProgram) -> str:
 
 def _number_operations(drawn: go.Figure, program: CorrectionProgram, seconds: float) -> None:
     for number, operation in enumerate(program.operations, start=1):
-        text, above = f"operation {number}" if number == 1 else f"{number}", {"yref": "paper", "yanchor": "bottom"}
-        style.words(drawn, text, operation.start_s / seconds, 1.0, style.MUTED, 11, xanchor="left", **above)
+        text, place = f"operation {number}" if number == 1 else f"{number}", {"yref": "paper", "yanchor": "bottom"}
+        text_at = style.words(text, operation.start_s / seconds, 1.0, style.MUTED, 11, xanchor="left", **place)
+        drawn.add_annotation(text_at)

@@ -123,8 +123,8 @@ def add_step_marks(drawn: go.Figure) -> None:
     """A band, a line and a text, which `step_changes` puts in their places."""
     over = {"yref": "paper", "y0": 0, "y1": 1, "xref": "x", "x0": 0, "x1": 0}
     drawn.add_shape(type="rect", **over, fillcolor=style.CHOSEN, opacity=0.15, line_width=0, layer="below")
-    style.rule(drawn, 0, style.CHOSEN, width=2, dash="dash", yref="paper")
-    style.words(drawn, "", 0, 1.0, "#00664b", 13, yref="paper", yanchor="bottom")
+    drawn.add_shape(style.rule(0, style.CHOSEN, width=2, dash="dash", yref="paper"))
+    drawn.add_annotation(style.words("", 0, 1.0, "#00664b", 13, yref="paper", yanchor="bottom"))
 
 
 def step_changes(cut: CutShown, first: float, end: float) -> Changes:

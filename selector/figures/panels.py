@@ -1,8 +1,9 @@
 """Courses over one time axis, in panels one above the other, with the names of the lines at their ends."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -70,7 +71,7 @@ def stacked(
     drawn = style.rows(title, heights, _GAP_PX, _BOTTOM_PX)
     letters = max((min(len(line.name), _LONGEST_NAME) for panel in panels for line in panel.lines), default=0)
     right = max(_MARGIN_RIGHT_PX, _BESIDE_PX + _LETTER_PX * letters)
-    drawn.update_layout(margin={"r": right}, showlegend=False)
+    shapes, annotations = list[dict[str, Any]](), list[dict[str, Any]]()
     unit, seconds = style.time_unit(end_s)
     drawn.update_xaxes(range=[0.0, end_s / seconds], ticks="")
     drawn.update_xaxes(ticks="outside", title_text=f"time [{unit}]", row=len(panels))
@@ -79,15 +80,15 @@ def stacked(
         ticks = {"nticks": max(_FEWEST_TICKS, height // 32), "exponentformat": "none"}
         drawn.update_yaxes(title_text=panel.axis, range=_range(panel), **ticks, row=number)
         if panel.band is not None:
-            style.zone(drawn, *panel.band, style.CHOSEN, 0.12, across=True, panel=key)
+            shapes.append(style.zone(*panel.band, style.CHOSEN, 0.12, across=True, panel=key))
         for (start, stop), text in [*((span, "") for span in spans_s), *panel.spans_s.items()]:
             opacity = _SPAN_OPACITY if stop - start > _NARROW * end_s else _NARROW_OPACITY
-            style.zone(drawn, start / seconds, stop / seconds, style.RESIDUAL, opacity, panel=key)
+            shapes.append(style.zone(start / seconds, stop / seconds, style.RESIDUAL, opacity, panel=key))
             if text:
                 place = {"xref": f"x{key}", "xanchor": "left", "yref": f"y{key} domain", "yanchor": "top"}
-                style.words(drawn, style.label(text), start / seconds, 1.0, style.RESIDUAL, 11, **place)
+                annotations.append(style.words(style.label(text), start / seconds, 1.0, style.RESIDUAL, 11, **place))
         for mark in marks_s:
-            style.rule(drawn, mark / seconds, panel=key, layer="below")
+            shapes.append(style.rule(mark / seconds, panel=key, layer="below"))
         for line in panel.lines:
             at = shown_samples(line.time_s, line.values, line.steps)
             hover = f"%{{x:.4g}} {unit}: %{{y:.5g}}<extra>{style.label(line.name)}</extra>"
@@ -96,7 +97,9 @@ def stacked(
                 width=line.width, dash=line.dash, line={"shape": "hv" if line.steps else "linear"}, xaxis=f"x{key}",
                 yaxis=f"y{key}",
             )  # fmt: skip
-        _name_lines(drawn, panel, key, height)
+        annotations += _line_names(panel, key, height)
+    # at once: of every further one Plotly copies all that are there
+    drawn.update_layout(margin={"r": right}, showlegend=False, shapes=shapes, annotations=annotations)
     return drawn
 
 
@@ -128,7 +131,7 @@ def _range(panel: Panel) -> list[float]:
     return [low - room, high + room]
 
 
-def _name_lines(drawn: go.Figure, panel: Panel, key: str, height_px: int) -> None:
+def _line_names(panel: Panel, key: str, height_px: int) -> Iterator[dict[str, Any]]:
     """Names to the right of the panel in the order of the lines' ends, each beside its end where there is room."""
     low, high = _range(panel)
     named = [line for line in panel.lines if line.name]
@@ -138,4 +141,4 @@ def _name_lines(drawn: go.Figure, panel: Panel, key: str, height_px: int) -> Non
     wanted = [height_px * (ends[k] - low) / (high - low) for k in order]
     for k, at in zip(order, style.spaced(wanted, _LABEL_PX, height_px), strict=True):
         place = {**style.BESIDE, "y": at / height_px, "yref": f"y{key} domain"}
-        style.words(drawn, names[k], colour=named[k].colour, **place)
+        yield style.words(names[k], colour=named[k].colour, **place)

@@ -73,8 +73,8 @@ def run_errors_picture(runs: RunErrors, title: str) -> go.Figure:
     )
     beside = {"xref": "paper", "xanchor": "left"}
     for row in rows:
-        style.words(drawn, "", 1.01, row, **beside)
-    style.words(drawn, "rms [µm]", 1.01, 1.0, **beside, yref="paper", yanchor="bottom")
+        drawn.add_annotation(style.words("", 1.01, row, **beside))
+    drawn.add_annotation(style.words("rms [µm]", 1.01, 1.0, **beside, yref="paper", yanchor="bottom"))
     drawn.update_layout(margin={"r": 120})
     drawn.update_xaxes(rangemode="tozero")
     drawn.update_yaxes(**style.rows_of([""] * len(rows)))

@@ -4,6 +4,7 @@ import html
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ _LEAST_TICKS = 3
 _FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', Arial, sans-serif"
 
 
+@cache
 def template() -> go.layout.Template:
     """The template that every figure is drawn with; colours of traces are given by role, never by order."""
     axis = {
@@ -72,15 +74,10 @@ def template() -> go.layout.Template:
 def figure(title: str, height: int) -> go.Figure:
     """An empty figure with this title (plain text, as `label` makes it) and height [px]."""
     lines = textwrap.wrap(title, _TITLE_WIDTH)
+    name = {"text": "<br>".join(lines), "y": 1.0, "yanchor": "top", "pad": {"t": 16}}
+    look = {"width": WIDTH, "height": height, "title": name, "margin": {"t": TITLE_MARGIN + 8 + 19 * len(lines)}}
     # at once: a figure without a template of its own begins as a copy of Plotly's large one
-    made = go.Figure(layout={"template": template()})
-    made.update_layout(
-        width=WIDTH,
-        height=height,
-        title={"text": "<br>".join(lines), "y": 1.0, "yanchor": "top", "pad": {"t": 16}},
-        margin={"t": TITLE_MARGIN + 8 + 19 * len(lines)},
-    )
-    return made
+    return go.Figure(layout={"template": template(), **look})
 
 
 def rows(title: str, heights_px: Sequence[int], gap_px: int, below_px: int, *, is_shared: bool = True) -> go.Figure:
@@ -141,31 +138,31 @@ def hovered(hover: str | None) -> dict[str, str]:
 
 
 def rule(
-    drawn: go.Figure, at: float, colour: Any = MUTED, *, across: Any = False, panel: Any = "", dash: Any = "dot",
-    width: Any = 1.0, **more: Any,
-) -> None:  # fmt: skip
-    """Adds a straight line through a panel: upright at this x, or `across` it at this y."""
+    at: float, colour: Any = MUTED, *, across: Any = False, panel: Any = "", dash: Any = "dot", width: Any = 1.0,
+    **more: Any,
+) -> dict[str, Any]:  # fmt: skip
+    """A straight line through a panel, as a shape: upright at this x, or `across` it at this y."""
     along, through = ("y", "x") if across else ("x", "y")
     place = {f"{along}ref": f"{along}{panel}", f"{along}0": at, f"{along}1": at}
     whole = {f"{through}ref": f"{through}{panel} domain", f"{through}0": 0, f"{through}1": 1}
     look = {"color": colour, "width": width, "dash": dash}
-    drawn.add_shape(type="line", **{**place, **whole, **more}, line=look)
+    return {"type": "line", **place, **whole, **more, "line": look}
 
 
 def zone(
-    drawn: go.Figure, start: float, stop: float, colour: str, opacity: float, *, across: bool = False, panel: str = ""
-) -> None:
-    """Shades a panel between two x, or `across` it between two y."""
+    start: float, stop: float, colour: str, opacity: float, *, across: bool = False, panel: str = ""
+) -> dict[str, Any]:
+    """A shape that shades a panel between two x, or `across` it between two y."""
     along, through = ("y", "x") if across else ("x", "y")
     place = {f"{along}ref": f"{along}{panel}", f"{along}0": start, f"{along}1": stop}
     whole = {f"{through}ref": f"{through}{panel} domain", f"{through}0": 0, f"{through}1": 1}
     look = {"fillcolor": colour, "opacity": opacity, "line": {"width": 0}, "layer": "below"}
-    drawn.add_shape(type="rect", **place, **whole, **look)
+    return {"type": "rect", **place, **whole, **look}
 
 
-def words(drawn: go.Figure, text: str, x: Any, y: Any, colour: Any = INK, size: Any = 12, **more: Any) -> None:
-    """Writes into the picture."""
-    drawn.add_annotation(text=text, x=x, y=y, showarrow=False, font={"color": colour, "size": size}, **more)
+def words(text: str, x: Any, y: Any, colour: Any = INK, size: Any = 12, **more: Any) -> dict[str, Any]:
+    """What is written into the picture, as an annotation."""
+    return {"text": text, "x": x, "y": y, "showarrow": False, "font": {"color": colour, "size": size}, **more}
 
 
 #: Where what is said of a line stands: to the right of the picture.

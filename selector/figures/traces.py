@@ -79,7 +79,7 @@ def beside_each_other(
         }
         told = "<br>".join(filter(None, [f"<b>{style.label(one.run)}</b>", one.remark]))
         at = {"xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom", "align": "left"}
-        style.words(drawn, told, left, top - (_HEAD_PX - 2) / _ROW_PX / rows, **at)
+        drawn.add_annotation(style.words(told, left, top - (_HEAD_PX - 2) / _ROW_PX / rows, **at))
     return drawn
 
 

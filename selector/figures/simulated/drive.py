@@ -108,7 +108,7 @@ def frequency_response(
             )
     every = 20.0 * np.log10(np.maximum(np.abs(np.concatenate(list(amplitudes.values()))), 1e-12))
     low, high = float(every.min()), float(every.max())
-    style.rule(drawn, -20.0 * math.log10(math.sqrt(2.0)), across=True)
+    drawn.add_shape(style.rule(-20.0 * math.log10(math.sqrt(2.0)), across=True))
     least = min(float(np.min(p)) for p in phases_deg.values())
     ticks = _PHASE_STEP * max(1, math.ceil(abs(least) / _PHASE_STEP / 6))
     ends = np.log10(frequency_hz[[0, -1]]).tolist()

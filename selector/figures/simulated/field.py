@@ -94,7 +94,7 @@ def machine_field(
     larger = f"{scale:,.0f}".replace(",", " ")
     for at, text in ((0.22, heading), (0.76, f"deformation, drawn {larger} times larger")):
         above = {"xref": "paper", "yref": "paper", "xanchor": "center", "yanchor": "bottom"}
-        style.words(drawn, f"<b>{text}</b>", at, 1.0, **above)
+        drawn.add_annotation(style.words(f"<b>{text}</b>", at, 1.0, **above))
     return drawn
 
 

@@ -60,7 +60,7 @@ def gauge_characteristic(
         style.curve(drawn, x, y, colour, name, hover, width=2, dash=dash, xaxis=f"x{axis}", yaxis=f"y{axis}")
     first, last = max(line_um[0], float(allowance_um[0])), min(line_um[1], float(allowance_um[-1]))
     for axis in ("", "2"):
-        style.zone(drawn, first, last, CURVE, 0.08, panel=axis)
+        drawn.add_shape(style.zone(first, last, CURVE, 0.08, panel=axis))
     falls = voltage_v[-1] < voltage_v[0]
     rising_v, at_um = (voltage_v[::-1], allowance_um[::-1]) if falls else (voltage_v, allowance_um)
     for stage, (until, volts) in enumerate(thresholds, start=1):
@@ -162,8 +162,8 @@ def size_histogram(
     ends = [float(edges[0]), float(edges[-1]), wanted_um, *(tolerance_um or ())]
     room = 0.06 * (max(ends) - min(ends))
     for value, name, colour, dash in _marked(tolerance_um, wanted_um, "lower", "upper"):
-        style.rule(drawn, value, colour, dash=dash, width=1.8, y1=0.93)
-        style.words(drawn, name, value, 0.93, colour, yref="y domain", yanchor="bottom")
+        drawn.add_shape(style.rule(value, colour, dash=dash, width=1.8, y1=0.93))
+        drawn.add_annotation(style.words(name, value, 0.93, colour, yref="y domain", yanchor="bottom"))
     drawn.update_layout(
         bargap=0,
         xaxis={"title": {"text": "finished size, from nominal [µm]"}, "range": [min(ends) - room, max(ends) + room]},
@@ -197,11 +197,11 @@ def sizes_over_parts(
     ends = [float(size_um.min()), float(size_um.max()), wanted_um, *(tolerance_um or ())]
     room = 0.08 * max(max(ends) - min(ends), 1e-6)
     for value, name, colour, dash in _marked(tolerance_um, wanted_um, "lower limit", "upper limit"):
-        style.rule(drawn, value, colour, across=True, dash=dash, width=1.4)
-        style.words(drawn, name, y=value, colour=colour, **style.BESIDE, yref="y")
+        drawn.add_shape(style.rule(value, colour, across=True, dash=dash, width=1.4))
+        drawn.add_annotation(style.words(name, y=value, colour=colour, **style.BESIDE, yref="y"))
     shown = list(dressed)[:MOST_DRESSINGS] if len(dressed) <= MOST_DRESSINGS else []
     for part in shown:
-        style.rule(drawn, part - 0.5, style.CHOSEN, width=1.4)
+        drawn.add_shape(style.rule(part - 0.5, style.CHOSEN, width=1.4))
     drawn.update_layout(
         margin={"r": 100},
         xaxis={"title": {"text": "part [number]"}, "range": [0.5 - 0.01 * len(size_um), 0.5 + 1.01 * len(size_um)]},

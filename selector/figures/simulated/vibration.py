@@ -64,7 +64,7 @@ def response_over_frequency(
             named.add(one.source)
             _add_answer(drawn, frequency_hz, one, colours[one.source], key, is_first=is_first)
         if split_hz is not None and has_chains:
-            style.rule(drawn, split_hz, style.INK, panel=key)
+            drawn.add_shape(style.rule(split_hz, style.INK, panel=key))
     if has_chains:
         for name, dash in (("coupled", "solid"), ("chains", "dash")):
             style.curve(drawn, [None], [None], style.INK, name, dash=dash)
@@ -156,7 +156,7 @@ def stability_lobes(limit: StabilityLimit, title: str) -> go.Figure:
     top = 3.0 * float(np.median(known))
     shown = np.minimum(depth, 2.0 * top)
     style.curve(drawn, speed, shown, style.PREDICTED, "chatter begins", "%{x:.4g} r/min: %{y:.3g} mm<extra></extra>")
-    style.rule(drawn, limit.cutting.workpiece_rpm, style.INK)
+    drawn.add_shape(style.rule(limit.cutting.workpiece_rpm, style.INK))
     ends = np.log10(speed[[0, -1]]).tolist()
     drawn.layout.xaxis = {
         "type": "log", "range": ends, "title": {"text": "speed of the workpiece [r/min]"}, **log_ticks(*ends)
@@ -241,10 +241,10 @@ def _add_zones(
         start, stop = max(start, low), min(stop, high)
         if stop <= start:
             continue
-        style.zone(drawn, 10**start, 10**stop, ZONES[name], 1.0, panel=key)
+        drawn.add_shape(style.zone(10**start, 10**stop, ZONES[name], 1.0, panel=key))
         if stop - start > 0.08 * (high - low):
             at = {"xref": f"x{key}", "yref": f"y{key} domain", "yanchor": "top"}
-            style.words(drawn, name, (start + stop) / 2, 1.0, style.MUTED, **at)
+            drawn.add_annotation(style.words(name, (start + stop) / 2, 1.0, style.MUTED, **at))
 
 
 def _lobing_mm(cutting: Cutting, surface: Surface) -> tuple[float, float]:
