@@ -230,9 +230,8 @@ def spike_columns(pair: CirclePair, axis: int, spike: tuple[float, float]) -> Ma
     # beyond it a spike is 0
     end = (101.0 + stuck) / (stuck + 2.0 / (2.0 + stuck)) if spike[1] < 1.0 else 100.0 / spike[1] + 10.0
     for column, arc, sign in zip(columns.T, pair.courses[axis].since_reversal_rad, (1.0, -1.0), strict=True):
-        times = arc * pair.radius_um / pair.speed_um_per_s / spike[0]
-        near = np.flatnonzero(times < end)
-        reached = np.maximum(times[near], 1e-300)
+        near = np.flatnonzero(arc < end * spike[0] * pair.speed_um_per_s / pair.radius_um)
+        reached = np.maximum(arc[near] * pair.radius_um / pair.speed_um_per_s / spike[0], 1e-300)
         if spike[1] < 1.0:
             height = _let_go(reached, stuck)
         else:

@@ -48,8 +48,12 @@ def _gain(pair: CirclePair, rest: Matrix) -> Callable[[Matrix], float]:
         is_narrow = len(near) < len(columns)
         beside, own, aim = (one.take(near, axis=0) if is_narrow else one for one in (rest, columns, left))
         shared, score = beside.T @ own, own.T @ aim
-        gram = columns.T @ columns - shared.T @ inverse @ shared
-        return float(score @ np.linalg.lstsq(gram, score, rcond=1e-9)[0])
+        gram = own.T @ own - shared.T @ inverse @ shared
+        (a, b), (_, c) = gram.tolist()
+        first, second = score.tolist()
+        if a * c - b * b <= 1e-8 * (a + c) ** 2:
+            return float(score @ np.linalg.lstsq(gram, score, rcond=1e-9)[0])
+        return float((c * first**2 - 2.0 * b * first * second + a * second**2) / (a * c - b * b))
 
     return gain
 
