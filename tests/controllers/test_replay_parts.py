@@ -111,7 +111,7 @@ TAKEN = [
 
 
 @cache
-def called(which, rhythm, n=500, seed=5):
+def called(which, rhythm, n=300, seed=5):
     """Calls of a model, and what the guard answers to them, whatever the control."""
     rows = calls(MODELS[which], n, seed, rhythm)
     return rows, reference_answers(with_decided_limits(MODELS[which]), rows)
@@ -168,7 +168,7 @@ MISTAKES = [
 def test_a_mistake_in_any_file_is_found(target, file, was, becomes):
     model = MODELS["steep"]
     # after a pause the macro waits, and nothing of it is seen
-    rows, whole = called("steep", "rarely", 6000, 1) if target == "fanuc" else called("steep", "any", 1500, 1)
+    rows, whole = called("steep", "rarely", 2000, 1) if target == "fanuc" else called("steep", "any", 1500, 1)
 
     def mistaken(files):
         return files | {file: files[file].replace(was, becomes)}

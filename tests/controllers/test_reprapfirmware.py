@@ -107,7 +107,7 @@ KINDS = [{}, {"on_fault": "hold"}, {"outside_valid_range": "fault", "without_fal
 @pytest.mark.parametrize("kind", KINDS)
 def test_on_hostile_rows_it_is_the_guard_in_32_bits_to_the_last_bit(kind):
     model = hostile.model(**kind)
-    rows = whole_seconds(hostile.rows(1500, 11), 3)
+    rows = whole_seconds(hostile.rows(700, 11), 3)
     found, babysteps = in_the_interpreter(model, rows)
     expected = reference_answers(macro_model(model), rows, np.float32)
     for name in ("k0_um", "correction_um", "mode", "sensors"):
