@@ -129,22 +129,14 @@ def solved(spec: ModeSpec, data: ModeData, theta: Vector, weights: Vector) -> So
     design = states.reshape(len(states), -1)
     coefficients = np.zeros((design.shape[1], weights.shape[1]))
     left_out, shrinkage = np.zeros(weights.shape), np.zeros(weights.shape[1])
-    for alike in alike_weights(weights):
+    for alike, scale, common in _alike(spec.film, data, weights.tobytes()):
         w = weights[:, alike[0]]
-        scale, common = scales(spec, data, weights, alike)
         both = without_nuisances(spec, data, left, w, np.column_stack([design, data.displacement_um[:, alike]]))
         plain, aim = both[:, : design.shape[1]], both[:, design.shape[1] :]
         coefficients[:, alike] = found = _best(plain * w[:, None], aim * w[:, None], common)
         left_out[:, alike] = aim - plain @ found
         shrinkage[alike] = common * scale
     return Solution(coefficients, left_out * weights, left_out, shrinkage)
-
-
-def scales(spec: ModeSpec, data: ModeData, weights: Vector, alike: list[int]) -> tuple[Vector, float]:
-    """Weights of responses relative to the first of them, and the shrinkage that they share."""
-    scale = np.array([weights[:, r].max() for r in alike]) / max(float(weights[:, alike[0]].max()), 1e-300)
-    peaks = np.ptp(data.displacement_um[:, alike], axis=0)
-    return scale, SHRINKAGE[spec.film] / max(float(np.median(peaks * scale)), 1e-9)
 
 
 def without_nuisances(spec: ModeSpec, data: ModeData, left: Vector, w: Vector, values: Vector) -> Vector:
@@ -170,19 +162,29 @@ def _best(design: Vector, aim: Vector, shrinkage: float = 0.0) -> Vector:
     return np.linalg.solve(r, full) / size[:, None]
 
 
-def alike_weights(weights: Vector) -> list[list[int]]:
-    """Responses whose weights are the same up to a factor can be solved for together."""
+@lru_cache(maxsize=2)  # a search asks for the same at every step
+def _alike(film: Film, data: ModeData, weights: bytes) -> list[tuple[list[int], Vector, float]]:
+    """Responses whose weights are the same up to a factor can be solved for together: groups of them.
+
+    With the weights of each relative to the first one, and the shrinkage that they share.
+    """
+    of = np.frombuffer(weights).reshape(len(data.displacement_um), -1)
     groups: list[list[int]] = []
-    for r in range(weights.shape[1]):
-        mine = weights[:, r] / max(weights[:, r].max(), 1e-300)
+    for r in range(len(of.T)):
+        mine = of[:, r] / max(of[:, r].max(), 1e-300)
         for group in groups:
-            other = weights[:, group[0]] / max(weights[:, group[0]].max(), 1e-300)
+            other = of[:, group[0]] / max(of[:, group[0]].max(), 1e-300)
             if np.allclose(mine, other, rtol=1e-9, atol=0.0):
                 group.append(r)
                 break
         else:
             groups.append([r])
-    return groups
+    found = []
+    for group in groups:
+        scale = np.array([of[:, r].max() for r in group]) / max(float(of[:, group[0]].max()), 1e-300)
+        peaks = np.ptp(data.displacement_um[:, group], axis=0)
+        found.append((group, scale, SHRINKAGE[film] / max(float(np.median(peaks * scale)), 1e-9)))
+    return found
 
 
 @dataclass(frozen=True)
@@ -411,11 +413,10 @@ def derivative_of(
         moved[i] += STEP
         changes.append((columns(spec, data, moved)[0].reshape(len(states), -1) - design) @ solution / STEP)
     out = np.zeros((len(states) + design.shape[1], weights.shape[1], len(free)))
-    for alike in alike_weights(weights):
+    for alike, scale, common in _alike(spec.film, data, weights.tobytes()):
         w = weights[:, alike[0]]
         moves = np.concatenate([change[:, alike] for change in changes], axis=1)
         both = without_nuisances(spec, data, left, w, np.column_stack([design, moves])) * w[:, None]
-        scale, common = scales(spec, data, weights, alike)
         extended = np.vstack([both[:, : design.shape[1]], common * np.eye(design.shape[1])])
         basis = np.linalg.qr(extended)[0]
         part = np.vstack([both[:, design.shape[1] :], np.zeros((design.shape[1], moves.shape[1]))])
