@@ -26,7 +26,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         simulated = comparison.simulated_course(response)
         starts = [float(simulated[rows][0]) for _, rows in comparison.rows_of_runs()]
         # cold is the start that the course goes farthest from: a run may begin warm
-        warmth = scaled(simulated - max(starts, key=lambda one: float(np.mean((simulated - one) ** 2))))
+        farthest = max(starts, key=lambda one: float(np.mean((simulated - one) ** 2)))
+        warmth = scaled(simulated - farthest)
         drawn = f"{name} × simulated {response}", on * warmth
         for tau_s in taus:
             shapes = [[(name, on)], *([[drawn], [(name, on), drawn]] if excited(warmth) else [])]

@@ -123,9 +123,9 @@ def likeliest_wavelength(pair: CirclePair, axis: int, residual: Vector) -> tuple
     place, size = pair.radius_um * pair.places_at(turned)[axis], weight * along
 
     def power(per_um: float) -> float:
-        wave = np.exp(2j * np.pi * per_um * place)
+        phase = 2.0 * np.pi * per_um * place
         # amplitude² times what carries it: the drop of the sum of squares by cosine and sine
-        a = np.array([along * wave.real, along * wave.imag])
+        a = np.array([along * np.cos(phase), along * np.sin(phase)])
         gram, score = (a * weight) @ a.T, a @ (weight * mean)
         return float(score @ np.linalg.solve(gram, score))
 
