@@ -148,8 +148,8 @@ def test_a_sine_has_the_derivatives_of_a_sine(amplitude, frequency, phase, offse
     # speed² + (ω·deviation)² is the same everywhere, and the acceleration is −ω²·deviation
     deviation = course.position_m - offset
     energy = course.speed_m_per_s**2 + (omega * deviation) ** 2
-    assert energy == pytest.approx(np.full(501, (omega * amplitude) ** 2), rel=1e-9)
-    assert course.acceleration_m_per_s2 == pytest.approx(-(omega**2) * deviation, rel=1e-9, abs=1e-11 * omega**2)
+    np.testing.assert_allclose(energy, (omega * amplitude) ** 2, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(course.acceleration_m_per_s2, -(omega**2) * deviation, rtol=1e-9, atol=1e-11 * omega**2)
     assert course.position_m[0] == pytest.approx(offset + amplitude * math.sin(phase), abs=1e-15)
 
 
