@@ -312,7 +312,7 @@ def test_unreadable_files_are_refused(tmp_path, make):
     assert str(tmp_path / "m.json") in caught.value.where
 
 
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(st.data())
 def test_random_damage_never_gives_a_traceback(data):
     text = model_text(rise_model())

@@ -89,7 +89,7 @@ def calls(model: ModelFile, seed: int, n: int = 120) -> tuple[Rows, dict[str, fl
     return rows, dict(zip((item.name for item in model.inputs), largest, strict=True))
 
 
-@settings(max_examples=75)
+@settings(max_examples=40)
 @given(models(), st.integers(0, 2**32 - 1))
 def test_the_bound_holds(model, seed):
     rows, largest = calls(model, seed)

@@ -61,7 +61,7 @@ def rounding_um(time, displacement):
     return 8 * np.finfo(float).eps * (steepest * time[-1] + np.abs(displacement).max())
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(curves())
 def test_drift_never_exceeds_the_tolerance(curve):
     time, displacement, lengths, tolerance = curve
@@ -82,7 +82,7 @@ def test_drift_never_exceeds_the_tolerance(curve):
         assert (np.round(taken) >= 1).all()
 
 
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(curves(), st.sampled_from([0.5, 5.0, 60.0]))
 def test_a_resolution_is_kept_and_never_late(curve, resolution_s):
     time, displacement, lengths, tolerance = curve
