@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from selector.errors import InputError
 from selector.physics.thermal.modes.choice import choose_modes
+from selector.physics.thermal.modes.fit import _filtered
 from selector.physics.thermal.modes.heldout import tau_intervals
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from tests.physics.thermal.mode_machines import (
@@ -159,3 +161,22 @@ def test_unusable_tests_are_refused():
         choose_modes([idle], ("Z",))
     with pytest.raises(InputError, match="no test"):
         choose_modes([], ("Z",))
+
+
+def test_modes_that_a_film_couples_are_those_of_the_matrix_exponential():
+    rng, n = np.random.default_rng(0), 60
+    # blocks of one length, as most are, and some in which one part of it is another, or both are
+    before_s, after_s = np.full((2, n), 30.0)
+    before_s[20:40], after_s[30:50] = rng.uniform(5.0, 60.0, (2, 20))
+    speed = np.repeat([0.0, 2000.0, 800.0, 3000.0, 0.0, 1000.0], n // 6)
+    share, first = (speed / 3000.0) ** 0.8, np.isin(np.arange(n), (0, 45))
+    rate, film = 1.0 / np.array([60.0, 400.0, 2000.0]), np.outer(*[[0.05, 0.02, -0.03]] * 2)
+    drive, inputs = rng.uniform(0.5, 1.5, (2, 3)) * rate, rng.normal(size=(n, 2))
+    states, _ = _filtered(before_s, after_s, speed, share, rate, film, drive, inputs, first, 30.0)
+    x = np.zeros((3, 2))
+    for i in range(n):
+        matrix = np.diag(rate) + share[i] * film
+        aim = np.linalg.solve(matrix, (drive * inputs[i][:, None]).T)
+        mean = aim + expm(-before_s[i] * matrix) @ (x * (not first[i]) - aim)
+        x = aim + expm(-after_s[i] * matrix) @ (mean - aim)
+        np.testing.assert_allclose(states[i], mean, rtol=1e-9, atol=1e-12)
