@@ -37,9 +37,9 @@ def basis(columns: Matrix, *, least: float = 1e-8) -> Matrix:
     return np.asarray(left[:, values > least * values.max(initial=0.0)])
 
 
-def off(q: Matrix, columns: Any) -> Any:
-    """Columns, or one, without what lies in a basis."""
-    return columns - q @ (q.T @ columns)
+def off(base: Matrix, columns: Any) -> Any:
+    """Columns, or one, without what lies in an orthonormal base."""
+    return columns - base @ (base.T @ columns)
 
 
 class Remainder:
