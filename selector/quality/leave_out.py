@@ -1,5 +1,6 @@
 """What the findings leave out of a recording, also of one that is read piece by piece."""
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
@@ -52,20 +53,13 @@ def without_faults(recording: Recording, findings: Iterable[Finding]) -> Recordi
     acting = [finding for finding in findings if finding.action != "none"]
     if not acting:
         return recording
-    gone_runs = {f.where.run for f in acting if f.action == "leave-out-run" and f.where.run is not None}
-    if any(f.action == "leave-out-run" and f.where.run is None for f in acting):
-        gone_runs = set(recording.runs)
-    runs = [run for run in recording.runs if run not in gone_runs]
-    whole: dict[str, set[str]] = {}
-    for finding in acting:
-        if finding.action == "leave-out-channel":
-            named = recording.names if finding.where.channel is None else (finding.where.channel,)
-            for name in named:
-                whole.setdefault(name, set()).update(
-                    recording.runs if finding.where.run is None else (finding.where.run,)
-                )
-    gone_channels = {name for name, where in whole.items() if where.issuperset(runs)}
-    channels = tuple(channel for channel in recording.channels if channel.name not in gone_channels)
+    runs = StreamWithoutFaults(recording, acting).runs
+    gone = {(finding.where.channel, finding.where.run) for finding in acting if finding.action == "leave-out-channel"}
+    channels = tuple(
+        channel
+        for channel in recording.channels
+        if any(gone.isdisjoint(itertools.product((None, channel.name), (None, run))) for run in runs)
+    )
     if not runs or not channels:
         raise RecordingError(
             f"nothing of {len(recording.runs)} run(s) and {len(recording.channels)} channel(s) is left",
@@ -80,17 +74,8 @@ def blanked(
     recording: Recording, findings: Sequence[Finding], runs: Sequence[str], channels: Sequence[Channel]
 ) -> Recording:
     """These runs and channels of a recording; the samples that the findings leave out are missing."""
-    names = [channel.name for channel in channels]
-    parts: dict[str, pd.DataFrame] = {}
-    for run in runs:
-        time_s, values = recording.time_s(run), recording.values(run, names)
-        for finding in findings:
-            if finding.where.run in (None, run):
-                rows = left_out_rows(finding, time_s)
-                for column, name in enumerate(names):
-                    if finding.where.channel in (None, name):
-                        values[rows, column] = np.nan
-        parts[run] = pd.DataFrame(values, index=time_s, columns=names)
+    names, source = [channel.name for channel in channels], StreamWithoutFaults(recording, findings)
+    parts = {run: pd.DataFrame(values, time_s, names) for run in runs for time_s, values in source.chunks(run, names)}
     return Recording.from_runs(parts, tuple(channels), recording.provenance)
 
 
@@ -101,7 +86,7 @@ class StreamWithoutFaults:
         self._source = source
         self._findings: Sequence[Finding] = [finding for finding in findings if finding.action != "none"]
         gone = {f.where.run for f in self._findings if f.action == "leave-out-run"}
-        self.runs: tuple[str, ...] = tuple(run for run in source.runs if run not in gone)
+        self.runs: tuple[str, ...] = tuple(run for run in source.runs if gone.isdisjoint((None, run)))
         self.channels: tuple[Channel, ...] = tuple(source.channels)
 
     def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
