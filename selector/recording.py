@@ -1,8 +1,10 @@
 """Labelled, unit-carrying, immutable recordings of one or more runs; a simulation is held in the same type."""
 
 import dataclasses
+import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime, timedelta
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -210,12 +212,48 @@ def restarts(rests: NDArray[np.bool_], length_s: NDArray[np.float64]) -> list[in
     return begins
 
 
+#: A step of the clock is a pause, in which the machine was left and its gauge perhaps set to zero, if it is longer than
+#: this [s] and than so many usual ones.
+PAUSE_S, LONG_PERIODS = 3600.0, 20
+PARTS = "parts"  #: In the provenance of a recording that was cut: part → (its run, where it begins there [s]).
+
+
+def pauses(time_s: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Positions of the samples that come after a pause."""
+    steps = np.diff(time_s, prepend=time_s[:1])
+    return np.flatnonzero(steps > max(PAUSE_S, LONG_PERIODS * float(np.median(steps))))
+
+
+def at_pauses(recording: Recording) -> Recording:
+    """The recording, cut at pauses: a part is called after its run, with a number, and counts from its own start."""
+    return parted(recording, {run: pauses(recording.time_s(run)).tolist() for run in recording.runs})
+
+
+def parted(recording: Recording, cuts: Mapping[str, Sequence[int]], **told: bool) -> Recording:
+    """The recording with its runs cut before these samples; `told` is what its provenance says of it besides."""
+    if not any(cuts.values()):
+        return recording
+    known, parts = (dict(recording.provenance.get(key, {})) for key in ("runs", PARTS))
+    tables: dict[str, pd.DataFrame] = {}
+    for run in recording.runs:
+        time_s, values, of_run = recording.time_s(run), recording.values(run, recording.names), known.get(run, {})
+        for k, (first, end) in enumerate(itertools.pairwise([0, *cuts[run], len(time_s)]), 1):
+            name, begin_s = (f"{run} {k}", float(time_s[first])) if cuts[run] else (run, 0.0)
+            while cuts[run] and (name in recording.runs or name in tables):
+                name += "'"
+            if cuts[run]:
+                start = of_run.get("start") and datetime.fromisoformat(of_run["start"]) + timedelta(seconds=begin_s)
+                parts[name], known[name] = (run, begin_s), of_run | {"start": start and start.isoformat()}
+            tables[name] = pd.DataFrame(values[first:end], time_s[first:end] - begin_s, list(recording.names))
+    provenance = {**recording.provenance, "runs": known, PARTS: parts, **told}
+    return Recording.from_runs(tables, recording.channels, provenance)
+
+
 def thinned(source: RunSource, stride: int) -> Recording:
     """Every `stride`-th sample of a source, in memory; one pass over the runs, one piece at a time."""
     follows: Mapping[str, tuple[str, float]] = getattr(source, "follows", {})
     names = [channel.name for channel in source.channels]
-    parts: list[pd.DataFrame] = []
-    kept: list[str] = []
+    parts: dict[str, pd.DataFrame] = {}
     for run in (*source.runs, *(before for before, _ in follows.values())):
         first = 0
         pieces: list[pd.DataFrame] = []
@@ -223,12 +261,10 @@ def thinned(source: RunSource, stride: int) -> Recording:
             take = slice((-first) % stride, None, stride)
             first += len(time_s)
             # a copy, or the slice would keep the whole piece alive
-            index = pd.Index(time_s[take].copy(), name="time_s")
-            pieces.append(pd.DataFrame(values[take].copy(), index=index, columns=names))
-        if pieces and any(map(len, pieces)):
-            parts.append(pd.concat(pieces))
-            kept.append(run)
-    frame = pd.concat(parts, keys=kept, names=["run", "time_s"])
+            pieces.append(pd.DataFrame(values[take].copy(), time_s[take].copy(), names))
+        if any(map(len, pieces)):
+            parts[run] = pd.concat(pieces)
+    frame = pd.concat(parts, names=["run", "time_s"])
     return Recording(frame, tuple(source.channels), dict(getattr(source, "provenance", {})), follows)
 
 

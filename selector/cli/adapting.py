@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from selector.adaptation import Course
     from selector.controllers.from_adaptation import Touched
     from selector.controllers.model_file import ModelFile
-    from selector.types import Vector
+    from selector.recording import Recording
 
 
 _TIME = re.compile(r"\s*(\d+(?:[.]\d*)?|[.]\d+)\s*(s|min|h|d)\s*")
@@ -101,8 +100,8 @@ def adapt(
     reading = source.reading()
     require_folder(out, [file for file, _ in reading.files])
     application, compared = applied(read, reading)
-    recorded_s = {run: reading.recording.time_s(run) for run in compared.runs}
-    touched = _touched(asked.touch_offs, recorded_s, read)
+    given = asked.touch_offs
+    touched = None if given is None else _touched(given, reading.recording, compared, read)
     courses, of_courses = adaptation_courses(read, compared, application, touched)
     _require_displacement(courses, read)
     with counted_progress("Adaptation") as progress:
@@ -121,18 +120,20 @@ def adapt(
     )
 
 
-def _touched(file: Path | None, recorded_s: Mapping[str, Vector], model: ModelFile) -> Touched | None:
+def _touched(file: Path, recording: Recording, compared: Recording, model: ModelFile) -> Touched:
+    """Touch-offs on the clocks of the runs that are `compared`, which may be parts of those recorded."""
     from selector.readers.touch_off_file import read_touch_offs
+    from selector.recording import PARTS
 
-    if file is None:
-        return None
-    durations_s = {run: float(time_s[-1] - time_s[0]) for run, time_s in recorded_s.items()}
+    durations_s = {run: float(recording.time_s(run)[-1] - recording.time_s(run)[0]) for run in recording.runs}
     found = read_touch_offs(file, durations_s, {output.name: output.axis for output in model.outputs})
-    begins_s = {run: float(time_s[0]) for run, time_s in recorded_s.items()}
-    return {
-        name: {run: [(begins_s[run] + one.time_s, one.displacement_um) for one in of] for run, of in runs.items()}
-        for name, runs in found.items()
-    }
+    touched: dict[str, dict[str, list[tuple[float, float]]]] = {name: {} for name in found}
+    for name, run, one in ((name, run, one) for name, runs in found.items() for run, of in runs.items() for one in of):
+        at_s = float(recording.time_s(run)[0]) + max(one.time_s, 0.0)
+        parts = [(part, from_s) for part, (whole, from_s) in compared.provenance.get(PARTS, {}).items() if whole == run]
+        part, from_s = ([(run, 0.0)] + [begun for begun in parts if begun[1] <= at_s])[-1]
+        touched[name].setdefault(part, []).append((at_s - from_s, one.displacement_um))
+    return touched
 
 
 def _require_displacement(courses: dict[str, list[Course]], model: ModelFile) -> None:

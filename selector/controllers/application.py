@@ -24,7 +24,7 @@ from selector.models.run_before import Before, before_gauge, begun, chain_before
 from selector.quality import inspect, without_faults
 from selector.quality.finding_table import GAUGE_BEGINS_LATE
 from selector.quality.survey import duration
-from selector.recording import SENSOR_ROLES, Recording, RunSource, thinned
+from selector.recording import PARTS, SENSOR_ROLES, Recording, RunSource, at_pauses, thinned
 from selector.types import Array, Mask
 
 SLIGHT_SHARE = 0.01
@@ -163,8 +163,8 @@ def known_starts(starts: PerRun) -> dict[str, dict[str, float]]:
 
 
 def without_displacement_faults(model: ModelFile, recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """The recording without the faults of its displacement, and what is wrong with the channels of the model; a run
-    begins with its displacement (`begun`), as in a selection, and memory goes on from what was read before.
+    """The recording without the faults of its displacement, and what is wrong with the channels of the model; as in a
+    selection it is cut at pauses, and a run begins with its displacement (`begun`): before, it only drives memory.
 
     A broken sensor is not mended: its readings stay what a control would get. What is missing altogether is left for
     `require_channels`, which says it in the words of the model.
@@ -172,12 +172,12 @@ def without_displacement_faults(model: ModelFile, recording: Recording) -> tuple
     outputs = [output.name for output in model.outputs]
     used = {*outputs, *(item.name for item in model.inputs)} & set(recording.names)
     found = tuple(_of_comparison(finding, outputs) for finding in inspect(recording, used))
-    kept = without_faults(recording, found)
+    kept = at_pauses(without_faults(recording, found))
     rises = _rises(model, kept)
     source = begun(kept, rises)
     if model.states and any(one.id == GAUGE_BEGINS_LATE for one in found):
         found = tuple(_of_memory(one, source) if one.where.channel in rises else one for one in found)
-        kept = without_faults(recording, found)
+        kept = at_pauses(without_faults(recording, found))
         source = begun(kept, _rises(model, kept))
     return kept if source is kept else thinned(source, 1), found
 
@@ -188,6 +188,8 @@ def _of_memory(finding: Finding, source: RunSource) -> Finding:
         return finding
     name, run = finding.where.channel, str(finding.where.run)
     told = f"{name} begins late in run {run}"
+    parts = getattr(source, "provenance", {}).get(PARTS, {})
+    run = next((part for part, (whole, _) in parts.items() if whole == run), run)
     if before_gauge(getattr(source, "follows", {}), run) is None:
         told += " and is not compared there: other displacements have no reading when it begins."
         mend = "Read all gauges at about the same time; then the run is compared."

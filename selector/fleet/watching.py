@@ -242,8 +242,8 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
         if not later:
             return nothing
         reading = part_of(whole, later.values())
-        application, _ = applied(model, reading)
-    runs = runs_by_age(reading.recording)
+        application, compared = applied(model, reading)
+    runs = runs_by_age(compared)
     proved = json.loads((place / "selection.json").read_bytes())["models"]
     responses = {}
     for output in model.outputs:

@@ -7,44 +7,34 @@ from datetime import UTC, datetime
 import numpy as np
 import pandas as pd
 
-from selector.quality.completeness import LONG_PERIODS, PAUSE_S, is_late
-from selector.recording import Recording, RunSource, restarts
+from selector.quality.completeness import is_late
+from selector.recording import Recording, RunSource, at_pauses, parted, restarts
 from selector.types import Array
 
 Before = tuple[str, float]  #: The run before a run, and how much later than that one it starts [s].
 FEWEST_PARTS = 3  #: Parts of a record that prove more, left out in turn, than stretches of it do.
-PARTS = "parts"  #: In the provenance of one record that was cut: how many.
+AT_RESTS = "at_rests"  #: In the provenance of one record that was cut at rests of its spindle.
 UNGAUGED = " before its gauge"  #: Ends the name of what was read in a run before its gauge began.
 MEMORY_REACH = 5.0  #: Time constants after which nothing is left of a state: e⁻⁵ is less than a hundredth.
 
 
 def in_parts(source: RunSource) -> RunSource:
-    """A recording of one run as several: one begins where rows go on after a pause or, where nothing pauses, where the
-    spindle turns again after a rest (`restarts`), if that makes `FEWEST_PARTS`.
-
-    Each counts from its own start and remembers nothing from before, as a control that is switched on there.
+    """A recording with its runs cut at pauses (`at_pauses`); one of a single run without any is cut where the spindle
+    turns again after a rest (`restarts`), if that makes `FEWEST_PARTS`.
     """
-    if not isinstance(source, Recording) or len(source.runs) > 1:
+    if not isinstance(source, Recording):
         return source
-    run = source.runs[0]
-    frame, time_s = pd.DataFrame(source.frame.loc[run]), source.time_s(run)
-    steps = np.diff(time_s, prepend=time_s[:1])
-    cuts = [0, *np.flatnonzero(steps > max(PAUSE_S, LONG_PERIODS * float(np.median(steps)))).tolist()]
-    speeds = [one.name for one in source.channels if one.role == "spindle_speed"]
-    if len(cuts) == 1 and speeds:
-        turning = frame[speeds[0]].abs().ffill().fillna(0.0)
-        rests = (turning < 0.01 * turning.max()).to_numpy()
-        first = np.r_[0, 1 + np.flatnonzero(rests[1:] != rests[:-1])]
-        begun = restarts(rests[first], np.diff(time_s[first], append=time_s[-1]))
-        # the last sample at rest is the zero of a part
-        cuts = [0, *(int(first[i + 1]) - 1 for i in begun[1:])] if len(begun) >= FEWEST_PARTS else cuts
-    if len(cuts) == 1:
-        return source
-    parts = {}
-    for k, (a, b) in enumerate(itertools.pairwise([*cuts, len(time_s)])):
-        own = pd.Index(time_s[a:b] - time_s[a], name="time_s")
-        parts[f"{run} {k + 1}"] = pd.DataFrame(frame.iloc[a:b]).set_axis(own)
-    return Recording.from_runs(parts, source.channels, {**source.provenance, PARTS: len(parts)})
+    cut, run = at_pauses(source), source.runs[0]
+    speeds = source.with_role("spindle_speed")
+    if len(cut.runs) > 1 or not speeds:
+        return cut
+    time_s, turning = source.time_s(run), pd.Series(np.abs(source.values(run, speeds[:1])[:, 0])).ffill().fillna(0.0)
+    rests = (turning < 0.01 * turning.max()).to_numpy()
+    first = np.r_[0, 1 + np.flatnonzero(rests[1:] != rests[:-1])]
+    begun = restarts(rests[first], np.diff(time_s[first], append=time_s[-1]))
+    # the last sample at rest is the zero of a part
+    cuts = [int(first[i + 1]) - 1 for i in begun[1:]] if len(begun) >= FEWEST_PARTS else []
+    return parted(source, {run: cuts}, at_rests=True)
 
 
 class Begun:

@@ -28,7 +28,7 @@ from selector.quality.leave_out import StreamWithoutFaults, stretches, without_f
 from selector.quality.siblings import leaving_group, relations_of, stuck_beside_siblings
 from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units
-from selector.recording import Recording
+from selector.recording import Recording, at_pauses
 
 __all__ = ["StreamWithoutFaults", "bridged", "file_copies", "inspect", "stretches", "usable", "without_faults"]
 
@@ -62,13 +62,13 @@ _CHECKS: tuple[Check, ...] = (
 
 
 def usable(recording: Recording, origins: Mapping[str, tuple[str, str]]) -> tuple[Recording, tuple[Finding, ...]]:
-    """What a study uses of a recording, lost readings filled in; and all that is wrong with it, and with its files.
+    """What a study uses of a recording, cut at pauses, lost readings filled in; what is wrong with it and its files.
 
     `origins` as in `file_copies`. Raises RecordingError if nothing would be left.
     """
     faults = (*file_copies(origins), *inspect(recording))
     used, lost = bridged(without_faults(recording, faults), recording)
-    return used, (*faults, *lost)
+    return at_pauses(used), (*faults, *lost)
 
 
 def inspect(recording: Recording, channels: Iterable[str] | None = None) -> tuple[Finding, ...]:

@@ -1,6 +1,7 @@
 """Whether a recording is complete: samples, values, runs that are no copies, and time without gaps and leaps."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from selector.quality.survey import (
     present_median,
     reading,
 )
+from selector.recording import LONG_PERIODS, pauses
 
 #: A channel has a start if it reads something in so many samples and so many seconds, or in three samples.
 START_SAMPLES, START_S = 15, 900.0
@@ -163,81 +165,68 @@ def file_copies(origins: Mapping[str, tuple[str, str]]) -> Iterator[Finding]:
             yield FINDINGS.finding("same-file-twice", told, Where(run=run), evidence, action="leave-out-run")
 
 
-LONG_PERIODS = 20  #: A gap of so many periods is a warning, a shorter one is only mentioned.
-PAUSE_S = 3600.0  #: A long gap of all channels in which the machine was left, and the gauge perhaps set to zero [s].
 _CLOCK_PERIODS = 10
 _REACH = 8  #: Samples on each side of a leap from which it is judged whether a channel goes on as before.
 
 
 def gaps(survey: Survey) -> Iterator[Finding]:
-    """Findings ``gap`` for rows and samples that are missing; O(samples).
+    """Findings ``gap`` for samples of single channels that are missing; O(samples).
 
     Measured against the run's own sampling; a channel that is sampled more seldom than the rows is measured against
     itself.
     """
     for run in survey.runs:
-        time = survey.time[run]
-        yield from _gaps_of(time, run)
         for column in sorted({*range(len(survey.channels))} - survey.whole(run)):
             series = survey.series(run, column)
             if series.rows.size == 0:
                 continue
             if series.time_s.size > 3 and np.median(np.diff(series.rows)) >= 2:
                 continue  # a slower channel between rows of a faster one: no sample of it is missing
-            yield from _missing_of(survey, series, time.size - series.rows.size, series.channel.name)
+            yield from _missing_of(survey, series)
 
 
 def clock_jumps(survey: Survey) -> Iterator[Finding]:
-    """Findings ``clock-jump``: time leaps forward while nothing on the machine moves on. O(samples)."""
+    """Findings ``clock-jump``: time leaps forward while nothing on the machine moves on; else ``gap``. O(samples)."""
     for run in survey.runs:
         time = survey.time[run]
         steps = np.diff(time)
-        if steps.size < 8:
-            continue
-        usual = float(np.median(steps))
-        for at in np.flatnonzero(steps > _CLOCK_PERIODS * usual)[:50]:
+        usual, leaps, cuts = float(np.median(steps)) if steps.size else 0.0, [], pauses(time).tolist()
+        for at in np.flatnonzero(steps > _CLOCK_PERIODS * usual)[:50] if steps.size >= 8 else ():
             leap = float(steps[at] - usual)
-            agreeing, moving = _continuity(survey, run, int(at))
+            agreeing, there, moving = _continuity(survey, run, int(at), usual)
             round_one = min(abs(leap - hours) for hours in (3600.0, 86400.0)) <= 1.5 * usual
-            continuous = agreeing >= 0.7 * moving
-            if not continuous or not (moving or round_one):
+            if agreeing < 0.7 * there or not (moving or round_one):
                 continue
-            because = (
-                f"{moving} channel(s) that were moving go on as if no time had passed"
-                if moving
-                else "the leap is a whole hour or day"
-            )
+            leaps.append(at)
+            because = "the leap is a whole hour or day"
+            if moving:
+                because = f"{moving} channel(s) that were moving go on as if no time had passed"
             yield FINDINGS.finding(
                 "clock-jump",
                 f"The clock of run {run} leaps forward by {duration(leap)} at {moment(float(time[at]))}; {because}.",
                 Where(None, run, float(time[at]), float(time[at + 1])),
                 {"leap_s": leap, "period_s": usual, "channels_moving": moving, "channels_continuous": agreeing},
                 f"If the clock was set, subtract {leap:g} s from the later time stamps; else split the run here. "
-                "Nothing is left out, but memory models see the leap as time.",
+                f"Nothing is left out, but {'the run is cut here' if at + 1 in cuts else 'memory sees it as time'}.",
             )
+        # of irregular sampling the long distances are part
+        limit = max(GAP_PERIODS * usual, 2.0 * float(np.quantile(steps, 0.95)) if steps.size >= 40 else 0.0)
+        long = [k for k in np.flatnonzero(steps > limit) if k not in leaps] if steps.size >= 4 else []
+        if long:
+            windows = [(float(time[k]), float(time[k + 1])) for k in long]
+            advice = f"To every command these are {len(cuts) + 1} runs, {run} 1 to {run} {len(cuts) + 1}, each counted "
+            advice += "from its own start: in more than an hour the gauge may have been set to zero."
+            yield _gap(windows, usual, Where(None, run), "No rows are recorded", advice if cuts else None)
 
 
-def _gaps_of(time: Floats, run: str) -> Iterator[Finding]:
-    steps = np.diff(time)
-    if steps.size < 4:
-        return
-    usual = float(np.median(steps))
-    # of irregular sampling the long distances are part
-    limit = max(GAP_PERIODS * usual, 2.0 * float(np.quantile(steps, 0.95)) if steps.size >= 40 else 0.0)
-    long = np.flatnonzero(steps > limit)
-    if long.size == 0:
-        return
-    windows = [(float(time[k]), float(time[k + 1])) for k in long]
-    yield _gap(windows, usual, run, None, "No rows are recorded")
-
-
-def _missing_of(survey: Survey, series: Series, missing: int, name: str) -> Iterator[Finding]:
+def _missing_of(survey: Survey, series: Series) -> Iterator[Finding]:
     """Stretches of missing samples, as windows from the first of them to the next sample that is there."""
     time = survey.time[series.run]
     # that a gauge begins late is told by itself
     is_told = series.channel.role == "displacement" and is_late(series.rows[:1], series.time_s[:1] - time[0]).any()
     begins = int(series.rows[0]) if is_told else 0
-    if (missing := missing - begins) == 0:
+    missing, name = time.size - series.rows.size - begins, series.channel.name
+    if missing == 0:
         return
     before = np.r_[begins - 1, series.rows]
     after = np.r_[series.rows, time.size]
@@ -249,54 +238,50 @@ def _missing_of(survey: Survey, series: Series, missing: int, name: str) -> Iter
         return  # single lost samples
     usual = float(np.median(np.diff(time))) if time.size > 1 else 0.0
     share = missing / time.size
-    yield _gap(
-        windows, usual, series.run, name, f"{name} has no value in {100 * share:.1f} % of the rows", samples=missing
-    )
+    said = f"{name} has no value in {100 * share:.1f} % of the rows"
+    yield _gap(windows, usual, Where(name, series.run), said, samples=missing)
 
 
 def _gap(
-    windows: list[tuple[float, float]], usual: float, run: str, channel: str | None, said: str, samples: int = 0
+    windows: list[tuple[float, float]], usual: float, of: Where, said: str, advice: str | None = None, **samples: int
 ) -> Finding:
     lengths = [end - begin for begin, end in windows]
     longest = int(np.argmax(lengths))
     total_s = float(np.sum(lengths))
     evidence: dict[str, object] = {"longest_s": lengths[longest], "total_s": total_s, "stretches": len(windows)}
-    evidence |= {"period_s": usual} | ({"samples": samples} if samples else {})
+    evidence |= {"period_s": usual, **samples}
     many = f" for {duration(lengths[0])} from"
     if len(windows) > 1:
         evidence[WINDOWS] = [[a, b] for a, b in windows[:100]]
         many = f" in {len(windows)} stretches, the longest {duration(lengths[longest])} from"
-    told = f"{said}{many} {moment(windows[longest][0])} of run {run} (usual period {duration(usual)})."
-    where = Where(channel, run, windows[0][0], windows[-1][1])
-    is_long = lengths[longest] > LONG_PERIODS * usual
-    advice = (
-        "split the file where a new run begins; of a single record `select` does so itself, `apply` and a replay do not"
-    )
-    advice_of_pause = advice if is_long and channel is None and lengths[longest] > PAUSE_S else None
-    return FINDINGS.finding("gap", told, where, evidence, advice_of_pause, level="warning" if is_long else "info")
+    told = f"{said}{many} {moment(windows[longest][0])} of run {of.run} (usual period {duration(usual)})."
+    where = replace(of, from_s=windows[0][0], to_s=windows[-1][1])
+    level: Level = "warning" if lengths[longest] > LONG_PERIODS * usual else "info"
+    return FINDINGS.finding("gap", told, where, evidence, advice, level=level)
 
 
-def _continuity(survey: Survey, run: str, at: int) -> tuple[int, int]:
-    """(channels that go on where they were, channels that were moving) at a leap between rows `at` and `at` + 1."""
+def _continuity(survey: Survey, run: str, at: int, usual: float) -> tuple[int, int, int]:
+    """How many channels go on where they were at a leap between rows `at` and `at` + 1, how many are known there, and
+    how many would have moved meanwhile.
+    """
     time = survey.time[run]
     before, after = slice(max(0, at + 1 - _REACH), at + 1), slice(at + 1, at + 1 + _REACH)
     if time[before].size < 4 or time[after].size < 4:
-        return 0, 0
+        return 0, 0, 0
     leap = float(time[at + 1] - time[at])
-    agreeing = moving = 0
+    agreeing = there = moving = 0
     for column in survey.columns(*MEASURED_ROLES):
         x = survey.values[run][column]
         left, right = x[before], x[after]
         if not (np.isfinite(left).all() and np.isfinite(right).all()):
             continue
         # the two straight lines, each at its end of the leap
-        leaves, _, slope_before = line_at(time[before], left, float(time[at]))
-        arrives, _, slope_after = line_at(time[after], right, float(time[at + 1]))
+        leaves, error_before, slope_before = line_at(time[before], left, float(time[at]))
+        arrives, error_after, slope_after = line_at(time[after], right, float(time[at + 1]))
         floor = max(survey.scale(run, column).floor, 1e-12)
         # the slower of two agreeing slopes, over half of the leap: what it must at least have moved
         due = 0.5 * min(abs(slope_before), abs(slope_after)) * leap if slope_before * slope_after > 0 else 0.0
-        if due < 10 * floor:
-            continue
-        moving += 1
-        agreeing += bool(abs(arrives - leaves) < 0.25 * due + 3 * floor)
-    return agreeing, moving
+        there, moving = there + 1, moving + (due >= 10 * floor)
+        within = usual * max(abs(slope_before), abs(slope_after)) + 3 * max(floor, error_before, error_after)
+        agreeing += bool(abs(arrives - leaves) < within)
+    return agreeing, there, moving

@@ -22,7 +22,7 @@ from selector.readers.clock.stamps import time_unit
 from selector.readers.reading import Reading
 from selector.readers.roles.names import name_and_unit, printable_name, role_guess
 from selector.readers.strict_text import refused, strict_number, strict_rows
-from selector.recording import Recording
+from selector.recording import Recording, at_pauses
 from selector.types import Vector
 from selector.units import convert, parse_unit, unit_for_role
 
@@ -164,7 +164,7 @@ _SPEED_UNIT = re.compile(r"rpm|(1|r|u|rev|об)\s*/\s*min|min\s*(\^?-1|⁻¹)|о
 def heating_tests(
     reading: Reading, response: Sequence[str] = ()
 ) -> tuple[Recording, tuple[str, ...], tuple[Finding, ...]]:
-    """The recording without the faults of speed and displacements, which these are, and what was found.
+    """The recording, cut at pauses, without the faults of speed and displacements, which these are, and what was found.
 
     `response` are the displacements or temperatures to be predicted; default: all displacements there are. Faults of
     temperatures around the machine are left out, too.
@@ -184,7 +184,7 @@ def heating_tests(
     # where a displacement starts is its zero here, and it may have moved on within the first samples
     halls = set(recording.with_role("ambient"))
     faults = [fault for fault in inspect(recording, used | halls) if fault.id != RUN_STARTS_WARM]
-    clean = without_faults(recording, faults)
+    clean = at_pauses(without_faults(recording, faults))
     gone = sorted(used - set(clean.names))
     if gone:
         why = next((fault.statement for fault in faults if fault.where.channel == gone[0]), "it is faulty in every run")

@@ -233,7 +233,7 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> Iter
         )
     if surveyed.is_one_record or proof.left_out == "block":
         parts = len(next(iter(proof.per_response.values())))
-        what = f"{parts} parts of it, each from where it goes on after a pause, or the spindle turns after a rest,"
+        what = f"{parts} parts of it, each from where the spindle turns again after a rest,"
         yield FINDINGS.finding(
             "one-run-only",
             f"There is one run. The error is that of {what if surveyed.is_one_record else 'stretches of it'} left out "

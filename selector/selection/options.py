@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from selector.errors import Misfit, OptionError, refuse
 from selector.models.design import Form, ListedTerms, Reference
-from selector.recording import SENSOR_ROLES, RunSource, of_axis
+from selector.recording import PARTS, SENSOR_ROLES, RunSource, of_axis
 
 if TYPE_CHECKING:
     from selector.models.formula import Formula
@@ -227,8 +227,11 @@ def question_of(source: RunSource, options: Options) -> Question:
     ):
         for name in names:
             _known(option, name, sensors, "a temperature sensor of the recording")
+    cut = {part: run for part, (run, _) in getattr(source, "provenance", {}).get(PARTS, {}).items()}
     for run in options.conditions:
-        _known("--condition", run, source.runs, "a run of the recording")
+        _known("--condition", run, (*source.runs, *dict.fromkeys(cut.values())), "a run of the recording")
+    of_run = {one: options.conditions.get(one, options.conditions.get(cut.get(one, one))) for one in source.runs}
+    options = replace(options, conditions={run: one for run, one in of_run.items() if one is not None})
     usable = allowed_sensors(sensors, options)
     speeds = tuple(by_role.get("spindle_speed", [])) if options.memory else ()
     return Question(options, usable, tuple(responses), speeds)

@@ -183,7 +183,7 @@ class Selection(ProvenModel):
         Raises OptionError: it is another recording, or the model is a ridge fit.
         """
         model, runs = self.models[response], tuple(self.fit_per_run[response])
-        source = source if set(runs) <= set(source.runs) else in_parts(source)
+        source = in_parts(source)
         source = begun(source, self.recipe.design.responses) if self.recipe.design.datum.reference == "rise" else source
         rows = rows_of(source, self.recipe.design, runs)
         stride = round(len(rows.run) / model.n_samples)

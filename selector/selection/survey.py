@@ -10,7 +10,7 @@ from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.models.design import Columns, Datum, Design, Term
 from selector.models.moments import centred, moments, scaling_of
-from selector.models.run_before import PARTS
+from selector.models.run_before import AT_RESTS
 from selector.quality.finding_table import WRONG_UNIT
 from selector.recording import RunSource
 from selector.selection.finding_table import FINDINGS, SENSOR_MISSING
@@ -287,5 +287,5 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
             noise_um=tuple(map(float, np.median(noise, axis=0))) if noise else (0.0,) * len(question.responses),
         ),
         (*findings, *about_sensors),
-        PARTS in getattr(source, "provenance", {}),
+        AT_RESTS in getattr(source, "provenance", {}),
     )

@@ -67,7 +67,7 @@ def select(
     say = progress or (lambda _what, _share: None)
     say("reading", 0.0)
     options = options or Options()
-    source = source if options.conditions else in_parts(source)
+    source = in_parts(source)
     asked = question_of(source, options)
     source = source if asked.options.reference == "absolute" else begun(source, asked.responses)
     datum = datum_of(source, asked.sensors, asked.responses, asked.options.reference)

@@ -24,7 +24,7 @@ from selector.controllers.replay.replayed import SEEN_MORE, SEEN_MORE_UM, rows_o
 from selector.findings import Finding, Where
 from selector.number_text import listed
 from selector.readers import Reading
-from selector.recording import Recording
+from selector.recording import PARTS, Recording
 from selector.selection import Selection
 from selector.study.data import StudyData
 from selector.study.finding_table import FINDINGS
@@ -39,7 +39,8 @@ def applied(model: ModelFile, reading: Reading) -> tuple[Application, Recording]
     compared, quality = without_displacement_faults(model, reading.recording)
     starts = sensor_starts(model, compared)
     application = apply_model(model, compared, start_readings=known_starts(starts))
-    told = [finding for finding in quality if not any(_says_the_same(other, finding) for other in application.findings)]
+    run_of = {part: run for part, (run, _) in compared.provenance.get(PARTS, {}).items()}
+    told = [one for one in quality if not any(_says_the_same(other, one, run_of) for other in application.findings)]
     of_starts = (*_without_start(starts), *_not_zeroed(displacement_starts(model, compared)))
     findings = (*reading.findings, *told, *of_starts, *application.findings)
     return replace(application, findings=findings), compared
@@ -76,12 +77,13 @@ def _left_um(model: ModelFile, recording: Recording) -> dict[str, float]:
     return {name: float(np.sqrt(np.nanmean(np.concatenate(parts) ** 2))) for name, parts in errors.items()}
 
 
-def _says_the_same(said: Finding, finding: Finding) -> bool:
+def _says_the_same(said: Finding, finding: Finding, run_of: Mapping[str, str]) -> bool:
     """Whether the model's own look at a sensor covers what the quality check found there."""
     a, b = said.where, finding.where
-    if said.id != SENSOR_LOOKS_BROKEN or (a.channel, a.run) != (b.channel, b.run):
+    run = run_of.get(a.run or "", a.run)
+    if said.id != SENSOR_LOOKS_BROKEN or (a.channel, run) != (b.channel, b.run):
         return False
-    if a.from_s is None or a.to_s is None or b.from_s is None or b.to_s is None:
+    if run != a.run or a.from_s is None or a.to_s is None or b.from_s is None or b.to_s is None:
         return True
     return a.from_s <= b.to_s and b.from_s <= a.to_s
 

@@ -1,6 +1,6 @@
 """What does a study work on: recordings without their faults, in memory or read piece by piece."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -8,11 +8,11 @@ from typing import Any
 from selector.findings import Finding, Where
 from selector.quality import StreamWithoutFaults, inspect, usable, without_faults
 from selector.quality.finding_table import READINGS_LOST
-from selector.readers import Overrides, Reading, is_large, machine, read, stream_parquet
+from selector.readers import Machine, Overrides, Reading, is_large, machine, read, stream_parquet
 from selector.readers.files import recording_files
 from selector.readers.finding_table import FILES_SKIPPED, FINDINGS
 from selector.readers.roles.names import printable_name
-from selector.recording import Recording, RunSource, thinned
+from selector.recording import Recording, RunSource, at_pauses, thinned
 
 INSPECTED_ROWS = 100_000
 _BESIDE = (FILES_SKIPPED,)
@@ -53,7 +53,7 @@ def study_data(runs: Sequence[Path], machine_file: Path | None, overrides: Overr
         reading.files,
         reading.machine_file,
         beside_recordings(reading.findings),
-        without_faults(reading.recording, faults) if any(one.id == READINGS_LOST for one in faults) else None,
+        at_pauses(without_faults(reading.recording, faults)) if READINGS_LOST in [one.id for one in faults] else None,
     )
 
 
@@ -85,11 +85,12 @@ def beside_recordings(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 def provenance_of(reading: Reading) -> dict[str, Any]:
     """The machine's name, and file and SHA-256 of every run, as reports show them."""
-    machine_section = None if reading.machine is None else reading.machine.machine
-    return {
-        "machine": None if machine_section is None else machine_section.name,
-        "runs": {run.name: {"file": printable_name(Path(run.file).name), "sha256": run.sha256} for run in reading.runs},
-    }
+    return _provenance(reading.machine, reading.origins)
+
+
+def _provenance(declared: Machine | None, origins: Mapping[str, tuple[str, str]]) -> dict[str, Any]:
+    runs = {run: {"file": printable_name(Path(file).name), "sha256": sha256} for run, (file, sha256) in origins.items()}
+    return {"machine": None if declared is None else declared.machine.name, "runs": runs}
 
 
 def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overrides) -> StudyData:
@@ -102,23 +103,17 @@ def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overri
     found = FINDINGS.finding(
         "read-in-pieces",
         f"The recordings hold {rows} rows and were read in pieces; faults were looked for in every {stride}th row, and "
-        "lost readings stay lost.",
+        "lost readings stay lost; runs are not cut at pauses.",
         Where(),
         {"rows": rows, "stride": stride},
     )
-    provenance = {
-        "machine": None if named is None or named.machine is None else named.machine.name,
-        "runs": {
-            run: {"file": printable_name(Path(entry["file"]).name), "sha256": entry["sha256"]}
-            for run, entry in stream.provenance["runs"].items()
-        },
-    }
+    origins = {run: (str(entry["file"]), entry["sha256"]) for run, entry in stream.provenance["runs"].items()}
     return StudyData(
         StreamWithoutFaults(stream, faults),
         without_folders((*stream.findings, found, *faults)),
-        provenance,
+        _provenance(named, origins),
         None,
-        tuple((str(entry["file"]), entry["sha256"]) for entry in stream.provenance["runs"].values()),
+        tuple(origins.values()),
         None if used is None else str(used),
         beside_recordings(stream.findings),
     )

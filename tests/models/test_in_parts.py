@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selector.models.run_before import PARTS, in_parts
-from selector.recording import Channel, Recording, restarts
+from selector.models.run_before import in_parts
+from selector.recording import PARTS, Channel, Recording, at_pauses, restarts
 from selector.selection import Options, select
 from selector.selection.exploration import Exploration
 
@@ -34,7 +34,9 @@ def test_every_warming_after_a_rest_begins_a_run_with_its_last_sample_at_rest():
     parts = in_parts(whole)
 
     assert parts.runs == ("long 1", "long 2", "long 3")
-    assert parts.provenance[PARTS] == 3
+    assert [(part, run) for part, (run, _) in parts.provenance[PARTS].items()] == [
+        (part, "long") for part in parts.runs
+    ]
     assert sum(len(parts.time_s(run)) for run in parts.runs) == len(whole.time_s("long"))
     for run in parts.runs[1:]:
         assert parts.time_s(run)[0] == 0.0
@@ -70,7 +72,25 @@ def test_days_in_one_file_are_cut_where_no_rows_are(channels, pauses_h, expected
     assert all(parts.values(run, ["Z"])[0, 0] == 0.0 for run in parts.runs)
 
 
-def test_only_one_run_with_a_speed_is_cut():
+def test_every_run_is_cut_at_its_pauses_and_parts_know_when_they_began():
+    times = {"a": [0.0, 60.0, 120.0, 9000.0, 9060.0], "a 1": [60.0, 120.0, 180.0]}
+    tables = {
+        run: pd.DataFrame({"T1": time_s, "Z": time_s}, index=pd.Index(time_s, name="time_s"))
+        for run, time_s in times.items()
+    }
+    known = {"runs": {"a": {"file": "a.csv", "start": "2026-03-29T23:00:00+00:00"}, "a 1": {"start": None}}}
+    parts = at_pauses(Recording.from_runs(tables, CHANNELS[1:], known))
+
+    assert parts.runs == ("a 1'", "a 2", "a 1")
+    assert parts.provenance[PARTS] == {"a 1'": ("a", 0.0), "a 2": ("a", 9000.0)}
+    assert parts.time_s("a 2").tolist() == [0.0, 60.0]
+    assert parts.values("a 2", ["Z"])[:, 0].tolist() == [9000.0, 9060.0]
+    assert parts.time_s("a 1").tolist() == times["a 1"]
+    assert parts.provenance["runs"]["a 2"] == {"file": "a.csv", "start": "2026-03-30T01:30:00+00:00"}
+    assert at_pauses(parts) is parts
+
+
+def test_only_one_run_with_a_speed_is_cut_at_rests():
     course = days(0.2, 4, 4, 4, 4, 4, 4)
     two, silent = record(course, runs=("a", "b")), record(course, channels=CHANNELS[1:])
     assert in_parts(two) is two

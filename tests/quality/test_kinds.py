@@ -308,11 +308,12 @@ def test_gaps_of_rows_and_of_a_channel(tables):
 
 
 @pytest.mark.parametrize(("pause_s", "is_pause"), [(1800.0, False), (50_000.0, True)])
-def test_of_a_long_pause_it_is_told_that_runs_are_files_of_their_own(tables, pause_s, is_pause):
+def test_of_a_long_pause_it_is_told_that_it_makes_two_runs(tables, pause_s, is_pause):
     table = tables["r1"]
     table.index = table.index + np.where(np.arange(len(table)) < 200, 0.0, pause_s)
+    table.iloc[200:] -= 5.0  # the machine has cooled down
     (hit,) = [f for f in inspect(plain_recording(tables)) if f.id == "gap"]
-    assert ("split" in hit.suggestion) == is_pause
+    assert ("2 runs, r1 1 to r1 2" in hit.suggestion) == is_pause
 
 
 def test_single_samples_that_are_lost_last_a_period_each(tables):
@@ -337,7 +338,19 @@ def test_clock_that_leaps_and_a_pause_that_does_not(tables):
     findings = inspect(plain_recording({**tables, "r1": clock, "r2": pause}))
     hits = [f for f in findings if f.id == "clock-jump"]
     assert [(f.where.run, f.where.from_s, f.evidence["leap_s"]) for f in hits] == [("r1", 2000.0, 3000.0)]
-    assert {f.where.run for f in findings if f.id == "gap"} == {"r1", "r2"}
+    assert {f.where.run for f in findings if f.id == "gap"} == {"r2"}
+
+
+def test_an_hour_or_a_night_is_told_once(tables):
+    leap, night = tables["r1"].copy(), tables["r2"].copy()
+    leap.index = np.where(leap.index > 2000, leap.index + 3600, leap.index)
+    # little cooler in the morning, and noise hides how it moved in the evening
+    night.index = np.where(night.index > 2000, night.index + 57_600, night.index)
+    night.loc[night.index > 2000, night.columns != "Tamb"] -= 0.8
+    found = [f for f in inspect(plain_recording({**tables, "r1": leap, "r2": night})) if f.id in ("gap", "clock-jump")]
+    assert [(f.id, f.where.run) for f in found] == [("clock-jump", "r1"), ("gap", "r2")]
+    assert "cut here" in found[0].suggestion
+    assert "r2 1 to r2 2" in found[1].suggestion
 
 
 def test_few_values_constant_and_empty(tables):
