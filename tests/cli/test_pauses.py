@@ -103,6 +103,20 @@ def test_the_same_is_predicted_from_both(shop, capsys):
     assert days[0]["displacement_um"] == days[1]["displacement_um"]
 
 
+def test_a_sensor_that_fails_in_a_part_is_told_once(shop, capsys):
+    told = {}
+    for name in ("later", "later apart"):
+        broken = shop / f"{name} broken"
+        broken.mkdir()
+        for file in (shop / name).iterdir():
+            table = pd.read_csv(file)
+            table.loc[table["time"].str.startswith("2026-03-10"), "T1"] = 850.0
+            table.to_csv(broken / file.name, index=False)
+        found = answer(shop, capsys, "apply", shop / "whole.out/model.json", broken)["findings"]
+        told[name] = [one["id"] for one in found if one["where"].get("channel") == "T1" and "unit" not in one["id"]]
+    assert told["later"] == told["later apart"] == ["sensor-looks-broken"]
+
+
 def test_touch_offs_count_on_the_clock_of_the_file(shop, capsys):
     of_day = {"later 1": 3600.0, "later 2": 7200.0}
     rows = [f"{run},{time_s},5.0" for run, time_s in of_day.items()]
