@@ -1,8 +1,7 @@
 """The error of a model as an offset and a gain that walk at random, followed by a Kalman filter from touch to touch.
 
-The displacement is ``m + offset + gain · m`` with ``m`` as the model has it. Offset and gain are random walks: what is
-not known of them grows with the time since the last touch-off. A control does the same, one touch after the other
-(`selector.controllers.program.statements`).
+A control does the same, one touch after the other (`selector.controllers.program.statements`; the equations:
+docs/explanation/the-guard.md, *Touch-offs*).
 """
 
 from __future__ import annotations

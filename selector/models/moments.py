@@ -300,10 +300,8 @@ MOST_ABOVE_BEST = 0.10
 def within_one_standard_error(errors: Array, weights: Array) -> Mask:
     """Which candidates predict unseen groups as well as the best one does, as far as the groups can tell.
 
-    The differences to the best are taken group by group, which removes what makes a group hard for everyone; a
-    candidate is as good if its mean difference is within one standard error of zero. With few groups that error is
-    itself uncertain, so a candidate must also stay within `MOST_ABOVE_BEST` of the best in root mean square. The best
-    of many is lucky too: what is within `WORTH_OF_A_SENSOR` of it is as good whatever the groups say.
+    A candidate is as good if its mean difference to the best, group by group, is within one standard error of zero and
+    its root mean square within `MOST_ABOVE_BEST`; or, whatever the groups say, if that is within `WORTH_OF_A_SENSOR`.
 
     `errors` are the mean squared errors, shape (n_candidates, n_groups), `weights` the samples in each group.
     """

@@ -107,13 +107,8 @@ def _unusable(found: str, expected: str) -> InputError:
 class FStatistic:
     """F of n sensors in r groups: scatter between over scatter within groups, with r − 1 and n − r degrees of freedom.
 
-    Each sensor is taken as its standardised series, a unit vector, so that |x_i − x_j|² = 2(1 − s_ij) and no samples
-    are needed: within = Σ_g (n_g − Σ_{i,j∈g} s_ij / n_g), total = n − Σ s_ij / n, between = total − within. Infinite
-    when groups have no scatter.
-
-    The p-value is a heuristic for ranking cuts, not a test: the groups were made from the same data, a sensor is a
-    whole series rather than one number, and neighbouring sensors are not independent. With |r| as similarity there need
-    not be such vectors, and F may even be negative.
+    From the similarities alone, as docs/explanation/closure-and-cuts.md derives it. Infinite when groups have no
+    scatter; with |r| as similarity it may be negative. The p-value is a heuristic for ranking cuts, not a test.
     """
 
     value: float

@@ -244,11 +244,8 @@ class Separation:
 def next_runs(comparison: Comparison, found: Search, named: Sequence[NamedEffect]) -> tuple[NextRun, ...]:
     """Runs that would tell apart what cannot be told, for every effect with rivals; none without any.
 
-    Each run of a menu is emulated (`extended`), the fitted effect and its rivals are made there anew, each with the
-    shape that it has in the record, and the rival is fitted to the effect on old and new rows together, beside
-    recalibration and all else that is named. The first run of an effect is the one that is likely to tell the pair that
-    is hardest to tell in the shortest time, repetitions included. Without a run that can be emulated, the effect's own
-    experiment is named, with no power.
+    Each run of a menu is emulated (`extended`) and judged as docs/explanation/how-the-evidence-is-weighed.md tells.
+    Without a run that can be emulated, the effect's own experiment is named, with no power.
     """
     rivalled = [effect for effect in named if effect.cannot_be_told_from]
     return tuple(run for effect in rivalled for run in _for_effect(comparison, found, effect, named))

@@ -48,10 +48,7 @@ class Switch:
 def switches(model: OwnModel) -> tuple[Switch, ...]:
     """Every effect that the file of a model can express and has not.
 
-    Drives: friction by sign, direction and speed, viscous, a constant force, play, pitch error, cogging, dead time.
-    Networks of heat: heat at every node by speed or at all times, films of hall and coolant, films that grow with
-    speed. Gauging: lag of filter and springs, wear. Vibrations: an imbalance of every shaft at tool and workpiece, a
-    member that hangs on one of them. Of thermal modes nothing: the effects' own shapes serve for them.
+    Which these are, kind by kind: docs/how-to/diagnose-a-model.md. Of thermal modes none.
     """
     kinds = {"drive": _of_drive, "thermal": _of_heat, "gauging": _of_gauging, "vibration": _of_vibration}
     return tuple(kinds[model.kind](model)) if model.kind in kinds else ()

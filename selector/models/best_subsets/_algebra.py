@@ -4,14 +4,7 @@ Matrices are flat row-major arrays with an explicit row stride; only the upper t
 with the response stand in the column after the last predictor. Predictors are scaled to unit length, so a pivot is
 the share of a column that the columns before it do not explain.
 
-A node keeps some columns, has dropped others, and must choose `a` of the `t` free ones. With P the cross-products of
-the free columns given the kept ones, c those with the response, r the residual sum of squares of the kept ones, and
-any diagonal D >= 0 for which P - D has no negative eigenvalue, every choice A of `a` columns and every vector u obey
-
-    RSS(A)  >=  r - u'(P - D)u - (sum of the `a` largest h_j),   h_j = (c - (P - D)u)_j² / D_jj.
-
-The best u solves (P - D + D/z) u = c for the shares 0 < z <= 1 with sum `a` that minimise the relaxed RSS; a few
-solves find it nearly, and the bound holds at every one of them. See docs/explanation/best-subset-search.md.
+P, c, r, D, u, h and z are those of *The bound* in docs/explanation/best-subset-search.md.
 """
 
 from collections.abc import Callable

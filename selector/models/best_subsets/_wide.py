@@ -1,10 +1,6 @@
 """Search for a few of very many columns, best bound first, over a bound that lives on how few they are.
 
-Given the kept columns, let G be the cross-products of the free ones, c those with the response, r the residual sum of
-squares. With any F, N = G - FF', weights w > 0 and vector g, every choice of `a` columns has
-
-    RSS  >=  r - |g|² - (sum of the `a` largest h_j),   h_j = (c - Fg)_j² / D_j,
-    D_j = N_jj - (sum of the a - 1 largest |N_ij| w_i, i != j) / w_j.
+F, N, w, D, g and h are those of *A few of hundreds of columns* in docs/explanation/best-subset-search.md.
 """
 
 import heapq

@@ -262,10 +262,7 @@ def _of_thresholds(file: GaugingFile, parts: FileParts) -> Iterator[Contradictio
 def numbers(file: GaugingFile) -> Iterator[Number]:
     """The physics of gauging as named numbers, those that are switched off included: lag, wear, delay, run-out.
 
-    Names are the keys of the file, also where the file leaves them out, arrays counted from 1:
-    ``grinding.stages.1.feed_um_per_s``, ``transducer.contact.stiffness``, ``noise.sd_um``, ``thresholds.volts.2``.
-    Tolerances and whole numbers are none. Bounds are those of the fields, unless ``[bounds]`` says otherwise. Errors
-    as `parameters_of`.
+    Their names and bounds: docs/reference/gauging-model.md, ``[bounds]``. Errors as `parameters_of`.
     """
     parts = file_parts(file)
     if parts.transducer is not None:

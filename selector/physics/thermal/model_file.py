@@ -535,10 +535,7 @@ _SECTIONS = ("nodes", "links", "films", "coolant_films", "cooled", "sources", "m
 def numbers(file: ModelFile) -> Iterator[Number]:
     """The physics of a model file as named numbers; what the file does not say (switched off) is no parameter.
 
-    Names are the keys of the file: ``nodes.column.heat_capacity_j_per_k``, ``links.bed~column.conductance_w_per_k``,
-    ``films.hall.still_w_per_m2_k``, ``modes.gains_um.Z.2000 rpm.mode 1``, ``run.start_degc``. Bounds are
-    those of the fields, unless ``[bounds]`` says otherwise. Of the field machine those of the laws that the file does
-    not mention are among them.
+    Their names and bounds: docs/reference/thermal-model.md, ``[bounds]``.
     """
     values = complete_values(file)
     whole = FieldFile.model_validate(values) if isinstance(file, FieldFile) else file

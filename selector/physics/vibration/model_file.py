@@ -431,11 +431,7 @@ _SMALLEST = 1e-3  #: Of a force that is there: a line without any is refused.
 def numbers(file: VibrationFile) -> Iterator[Number]:
     """The physics of a structure and its sources as named numbers, those that are switched off included.
 
-    Names are the keys of the file, arrays counted from 1: ``members.tool.mass_kg``, ``joints.3.dissipation``,
-    ``sources.IK2.lines.1.force_n``. Masses and stiffnesses may be a tenth to ten times what they are, ψ from 0 to 2.
-    A force that is there may be a thousandth to ten times; one that is 0 from 0 to ten times what the unbalance of its
-    line makes at the highest speed, and the other way round; phases −π to π. Always around the value, unless
-    ``[bounds]`` says otherwise.
+    Their names and bounds: docs/reference/vibration-model.md, ``[bounds]``.
     """
     for name, member in file.members.items():
         yield from _of_section(member, ("members", name))

@@ -59,9 +59,8 @@ def smallest_um(pair: CirclePair, fit: CircleFit) -> float:
 def lag_parted(fits: Fits) -> tuple[CircleFit, ...]:
     """The fits with what unequal lags make of the amplitudes counted to the lags, not to the scales.
 
-    An axis that lags by T also shrinks its circle, by (ωT)²/2: unequal lags look like unequal scales, −g·κ in cos 2θ
-    beside g in d·sin 2θ. With several feeds κ is what grows with feed²; with one it is that of a first-order loop, and
-    as uncertain as it is large: a slow velocity loop makes it smaller, feed-forward larger.
+    Unequal lags look like unequal scales (docs/explanation/ball-bar.md), −g·κ in cos 2θ beside g in d·sin 2θ. With
+    several feeds κ is what grows with feed²; with one it is that of a first-order loop, as uncertain as it is large.
     """
     if len(_shared_names(fits, ("scale-mismatch", "gain-mismatch"))) < 2:
         return tuple(fit for _, fit in fits)

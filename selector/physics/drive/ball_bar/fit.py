@@ -207,9 +207,8 @@ class CircleFit:
 def circle_fit(pair: CirclePair, wavelengths_um: Mapping[int, float] | None = None) -> CircleFit:
     """The fit of one pair; `wavelengths_um`: axis (0, 1) → wavelength of its cyclic error, where it is known [µm].
 
-    First with all shapes, searched in turn until nothing changes: amounts, gaps, spikes, wavelengths. Then the shapes
-    that do not stand out of the noise are left out, the least one first, and the rest is fitted again: a shape that
-    was searched in noise would take its part of every other cause with it.
+    First with all shapes, searched in turn until nothing changes: amounts, gaps, spikes, wavelengths. Then without
+    those that do not stand out of the noise, the least one first (why: docs/explanation/ball-bar.md).
     """
     known = dict(wavelengths_um or {})
     widths = spike_widths_s(pair)

@@ -304,11 +304,8 @@ _DRY = ("coulomb_n", "coulomb_negative_n", "static_n", "static_negative_n")
 def numbers(file: DriveFile) -> Iterator[Number]:
     """The physics of a feed drive as named numbers, those that are switched off included: friction, backlash, delay.
 
-    Names are the keys of the file, also where the file leaves them out: ``axes.X.mechanics.mass_kg``,
-    ``axes.X.friction.coulomb_n``, ``axes.X.servo.delay_s``, ``axes.X.ripple.1.cogging``. A key that follows another one
-    while it is left out (`static_n`, `coulomb_negative_n`) has that value. Bounds are those of the fields, or what a
-    machine of this mass could have: 0.3 of its weight of dry friction, damping that stops it in 0.1 s, a fifth of
-    critical damping in its springs; unless ``[bounds]`` says otherwise.
+    Their names and bounds: docs/reference/drive-model.md, ``[bounds]``. A key that follows another one while it is left
+    out (`static_n`, `coulomb_negative_n`) has that value.
     """
     for name, section in file.axes.items():
         made = file_axis(section)

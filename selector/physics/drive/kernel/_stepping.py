@@ -1,9 +1,7 @@
 """How an axis gets from one instant to the next (compiled): steps of order 4, cut where it sticks, slips or touches.
 
 Each mode (slides or sticks, touches or not, segment of a table, limits) has a measure of how well it fits, which falls
-through zero where the next one begins. A step whose end contradicts its modes is repeated, shorter, until it ends just
-past the first contradiction; there the modes are decided anew. After MOST_EVENTS of them within one step the rest of it
-is taken by `_coarse`, of order 1.
+through zero where the next one begins; what happens there stands in docs/explanation/drive-simulation.md.
 """
 
 # mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"

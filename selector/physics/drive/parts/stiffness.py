@@ -160,9 +160,8 @@ def published_axial_stiffness_n_per_m(
 ) -> Vector:
     """Ke as F reads Hertz: one-sided, each contact stiffer by (1 + share·|load|/preload)^(1/3) [N/m]; shapes broadcast.
 
-    F eq. 5 (a lost picture) has K ~ load^(1/3) with load = preload + what the axial load adds. The side that the load
-    relieves is left out, so the stiffness rises with every load, where `axial_stiffness_n_per_m` falls. Both agree
-    without load. `load_share` is the share of the load that adds to a side of the nut; of the bearings' load likewise.
+    F eq. 5 is a lost picture, see docs/explanation/drive-stiffness.md; without load `axial_stiffness_n_per_m` agrees.
+    `load_share` is the share of the load that adds to a side of the nut; of the bearings' load likewise.
     """
     load = np.abs(np.asarray(load_n, dtype=np.float64))
     nut, bearing = nut_contact(parts), bearing_contact(parts)

@@ -1,8 +1,7 @@
 """How probe, generator and filter move between two instants (compiled): steps of chosen error, touches located in time.
 
 Dormand and Prince (1980), J. Comput. Appl. Math. 6(1), 19–26: order 5 with an estimate of the error and an
-interpolation of order 4. A step ends where contact begins or ends; where the generator's voltage changes sign within a
-step, what the rectifier turns over is added by quadrature.
+interpolation of order 4. Where steps end stands in docs/explanation/vibrating-contact-gauge.md.
 """
 
 # mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"

@@ -1,9 +1,6 @@
 """How one part is ground until the relay stops it, step by step (compiled).
 
-Between two events (end of an even step, edge of a groove, change of feed) the allowance falls by its closed form, the
-noise and its part in the filter are drawn from their joint distribution, and the rest of what the filter is fed runs
-straight from one end to the other. Where the voltage reaches the threshold is the root of the cubic that has its
-values and rates at both ends; what is recorded between them lies on the same cubic, so that recording changes nothing.
+What is exact between two events, and what a cubic, stands in docs/explanation/finished-sizes.md.
 """
 
 # ruff: noqa: NPY002  (compiled, the legacy calls draw from a generator of the thread that is seeded for every part)

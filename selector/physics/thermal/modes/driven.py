@@ -2,12 +2,8 @@
 
 For recordings in which the hall moves the machine, and for long ones in which it never begins cold.
 
-What is recorded of one response is y = Φ·c + w(t) + v(t) + e: Φ the states of the modes, which are carried through
-the whole run; c their gains per term of the speed law and per kelvin of each hall temperature, and the state at the
-start of every run; w a random walk that begins at an unknown zero; v a ripple (a cooler that switches); e white. Gains
-and starts are normal about 0, with standard deviations that are learnt, as are those of w, v and e, by maximum marginal
-likelihood (Rasmussen, Williams, Gaussian Processes for Machine Learning, 2006, eq. 5.8); time constants and exponents
-maximise the sum over the responses.
+The model of one response, y = Φ·c + w(t) + v(t) + e, stands in docs/explanation/thermal-modes.md; it is fitted by
+maximum marginal likelihood (Rasmussen, Williams, Gaussian Processes for Machine Learning, 2006, eq. 5.8).
 """
 
 from collections.abc import Callable, Sequence

@@ -213,10 +213,8 @@ def reduced_basis(
 ) -> Array:
     """Fields that span the responses to every input, shape (n, n_reduced), orthonormal in the heat capacity C.
 
-    Block rational Krylov space of order one: for every set of film coefficients h and every time scale τ the fields
-    (C/τ + K + Σ h_f·A_f)⁻¹·g for the heat sources, the fluids and (by reciprocity) the displacements g. Each is scaled
-    to norm one; the principal directions of all of them are kept down to `tolerance`. The uniform field is the first
-    and exact, so that a machine at the temperature of the hall stays there. One factorisation per h and τ.
+    A block rational Krylov space of order one, see docs/explanation/thermal-reduction.md; the uniform field is the
+    first and exact. One factorisation per set of film coefficients and time scale.
 
     `film_coefficients` are the sets [W/(m²·K)] that the machine works with, by film; a film that is not named has 0.
     `time_scales_s` are τ [s], infinite for the steady state. `tolerance` is the relative norm of what is left out.

@@ -98,15 +98,11 @@ def correction_program(
 ) -> CorrectionProgram:
     """The corrections that keep the drift of a curve within a tolerance (C eq. 5).
 
-    Each operation starts from a new zero. A correction is inserted when the drift since the last one, or since the
-    zero, reaches the tolerance; it takes that drift off, whichever its sign. The curve is linear between its samples,
-    and the times are exact on it, so that the drift exceeds the tolerance nowhere, also between samples. None is
-    inserted at the end of an operation.
+    When one comes: docs/explanation/duty-cycles.md, *The correction program*. The curve is linear between its samples.
 
     `operations_s` are the lengths of the operations [s], the first from 0 s on; they share a tolerance, or each has its
-    own. With `resolution_s` corrections come
-    only at whole multiples of this time [s] after the start of the operation, before the tolerance is reached and never
-    after; they take off the drift that there is at that time.
+    own. With `resolution_s` corrections come only at whole multiples of this time [s] after the start of the operation,
+    before the tolerance is reached.
 
     Raises InputError if the curve cannot be used, more than `MOST_CORRECTIONS` would be needed, or the drift grows by
     more than the tolerance within `resolution_s`.

@@ -1,12 +1,7 @@
 """A day that leaves its plan: which stops the thermometers show, and the displacement of the machine that had them.
 
-Nothing but the speed drives the modes, so an unplanned stop is a question of when the spindle stood. Every course of
-the day that may have been (as planned; a stop since then; a stop that ended, after which the plan goes on by the clock
-or from where it was left) is carried with the modal states that it leads to, and each reading weighs them by how likely
-it is; the displacement is their mean, and after the last reading that of the likeliest. What a thermometer is off for
-other reasons is a random walk beside white noise, so that a slow drift makes no stop. Nothing is known before it is
-read: the course at a reading uses that and those before it. The moment of the last stop, or of its end, is sought
-with the readings after it, as one of the states of a Kalman filter.
+How readings weigh the courses that the day may have had stands in docs/explanation/duty-cycles.md. The displacement is
+their mean, and after the last reading that of the likeliest; the course at a reading uses that and those before it.
 """
 
 from collections.abc import Callable, Sequence

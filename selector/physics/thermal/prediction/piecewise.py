@@ -97,9 +97,7 @@ def characteristics(tests: Sequence[ThermalTest], responses: Sequence[str]) -> t
     """The characteristics of each response, from the tests.
 
     Heating curves are the first turning stretch of every run that starts cold; cooling curves all stretches at rest
-    after it, and runs at rest. Each kind is smoothed by one to three exponentials whose time constants all curves of
-    the kind share, as many as the data support (Bayesian information criterion); noise does not get through, and a
-    curve may turn back, as those of other axes than the spindle's do.
+    after it, and runs at rest. How they are smoothed: docs/explanation/duty-cycles.md, *Pieces of characteristics*.
 
     Raises InputError if no run heats continuously from rest for long enough.
     """
@@ -241,10 +239,7 @@ def piecewise_displacement_um(
 ) -> tuple[Vector, tuple[Finding, ...]]:
     """Displacements [µm], shape (n_times, n_responses), at times [s] of shape (n_times,), and what had to be assumed.
 
-    A running segment follows the characteristic of its speed, entered where that has the present displacement (C). An
-    idle segment follows a cooling characteristic, entered likewise: of those that begin at the present displacement or
-    beyond, the one that begins nearest. Where the present displacement is beyond all of the characteristic, as after a
-    fall of the speed, the additional operation: the steady level is approached along a cooling curve.
+    How segments follow the characteristics (C): docs/explanation/duty-cycles.md, *Pieces of characteristics*.
 
     Raises InputError if a speed is outside the tests.
     """

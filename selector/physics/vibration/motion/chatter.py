@@ -1,12 +1,7 @@
 """From which depth of cut on does turning become unstable, at every speed: regenerative chatter of the whole structure.
 
-The tip meets the waves of the turn before. With x the motion of the tool against the workpiece along the thickness of
-the chip, G its compliance and T the time of a turn, the force of the cut changes by k·(x(t − T) − x(t)), and the limit
-is where ``1 + k·G(iω)·(1 − e^(−iωT)) = 0`` has a solution (Tlusty; Altintas, Manufacturing Automation, 2012, ch. 4):
-
-    k = −1/(2·Re G),    ω·T = 2π·m + 3π + 2·arg G,    m = 0, 1, 2, … waves between two turns, Re G < 0.
-
-k = ∂P/∂S is what one more millimetre of chip thickness costs, of the law of the cutting force P (V eq. 2).
+The limit, k = ∂P/∂S and G are those of *Where it chatters* in docs/explanation/periodic-errors.md (Tlusty; Altintas,
+Manufacturing Automation, 2012, ch. 4; the law of the cutting force P: V eq. 2).
 """
 
 import math

@@ -1,10 +1,8 @@
 """How large is a motion if nobody knows the phases of its sources, and which periodic errors it leaves on the part.
 
-Every source is shifted by one of P equal steps of a turn, which makes N = P^n realisations (V eq. 10, 11). For P ≥ 2
-the ordinate x = Im Z has the mean 0 over all of them at every instant, because the steps of a turn add up to 0; so the
-"mean amplitude" of V must be the mean of an amount. Here it is that of the instantaneous amplitude |Z|, the modulus of
-the analytic signal Z(t) = Σ_s e^{iφ_s}·z_s(t), z_s(t) = Σ_k X_k·e^{iω_k·t}: for one source with one line it is the
-amplitude of the line, of which the mean |x| would be 2/π. The mean |x| is given beside it.
+Every source is shifted by one of P equal steps of a turn, which makes N = P^n realisations (V eq. 10, 11) of the
+analytic signal Z(t) = Σ_s e^{iφ_s}·z_s(t), z_s(t) = Σ_k X_k·e^{iω_k·t}. Why the "mean amplitude" of V is taken for the
+mean of |Z| stands in docs/explanation/periodic-errors.md.
 """
 
 import math
