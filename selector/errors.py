@@ -1,22 +1,4 @@
-"""What can go wrong, as a tree.
-
-::
-
-    SelectorError
-    └── InputError              the input is unusable; the command line ends with exit code 2
-        ├── ReadError           a file cannot be read as a recording
-        ├── RecordingError      the tables are readable but do not make a recording
-        ├── UnitError           a unit is unknown, or has the wrong dimension for its role
-        ├── OptionError         an option has a value that cannot be used with this recording
-        │   └── NotExecutableError  what runs a program (a compiler, a control) is not on this machine
-        ├── ModelFileError      a model file does not follow its schema
-        ├── ResultError         a result on disk does not follow its contract
-        ├── StorageError        where results are kept cannot be reached
-        └── StudyError          a study file does not follow its schema, or its recordings are no longer those it names
-    CancelledError              the user stopped long work; nothing was written
-
-Every message says what was found, what was expected, where, and what to do next.
-"""
+"""What can go wrong, as a tree of exceptions."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -28,7 +10,7 @@ class SelectorError(Exception):
 
 
 class InputError(SelectorError):
-    """The input is unusable.
+    """The input is unusable; the command line ends with exit code 2.
 
     Built from its parts so that no message can forget one of them: what was found, what was expected instead, where
     (file, line, column, channel, option or JSON path), and what the user should do next.

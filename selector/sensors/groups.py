@@ -137,8 +137,7 @@ def chaining_findings(similarity: ArrayLike, partition: "Partition") -> tuple[Fi
     """A finding `chaining` for every group that hangs together only through links.
 
     Said of a group whose least similar pair lies further apart than `CHAIN_RATIO` times what λ allows to neighbours,
-    where the distance of two sensors is √(2(1 − s)). At ratio 2 not even one common neighbour could
-    explain it (triangle inequality); three links at least were needed.
+    where the distance of two sensors is √(2(1 − s)).
 
     Raises InputError: the partition is not one of these sensors, or as for `closure_chain`.
     """

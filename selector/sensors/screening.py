@@ -76,10 +76,8 @@ def screen(
 ) -> tuple[ScreeningRound, ...]:
     """Rounds of screening, P step 4: group, keep the representatives, regroup those. One round per level.
 
-    A round at a level λ' ≥ λ of the round before drops nothing. What entered it are representatives, one from each
-    group, and must-sensors, which always stay. Representatives of two groups have t < λ, where t is the widest
-    bottleneck over all paths; dropped sensors take their paths with them, so that t among the kept can only be lower,
-    and t < λ ≤ λ' still: no two groups merge. Such a round says so in the finding `round-without-effect`.
+    A round at the level of the round before, or a higher one, drops nothing (docs/explanation/closure-and-cuts.md,
+    *Rounds*) and says so in the finding `round-without-effect`.
 
     `levels` are the λ of each round, `must` is as for `representatives`; sensors that do not move (`constant`)
     represent nothing and are dropped in the first round unless in `must`.

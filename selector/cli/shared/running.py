@@ -1,13 +1,4 @@
-"""How does a command end: exit codes, and what a person reads when it could not be done.
-
-====  ==========================================================================
-0     done, also when the news is bad
-1     a defect of this program; the traceback is shown under ``SELECTOR_DEBUG=1``
-2     the input, or the command itself, is unusable
-130   stopped with Ctrl-C; nothing half-written is left
-141   whoever read the output went away (``selector … | head``)
-====  ==========================================================================
-"""
+"""How does a command end: exit codes (docs/reference/contracts.md), and what a person reads when it was not done."""
 
 import errno
 import os

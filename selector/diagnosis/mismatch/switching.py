@@ -133,9 +133,7 @@ def switched(
 ) -> Switched | None:
     """What a switch that nobody recorded does to a response; None if noise of any memory explains it as well.
 
-    Constant levels that the response follows at once, or behind one or two time constants, are fitted beside
-    recalibration: changes are added while each gains more than its price (orthogonal matching pursuit). Then the
-    innovations of two autoregressions are compared, of what that leaves and of what recalibration alone leaves.
+    How it is found: docs/explanation/how-the-evidence-is-weighed.md, *A switch that nobody recorded*.
 
     `target` is recorded − simulated of the response `channel`, shape (n_rows,) [its unit], NaN where one is missing;
     `base` what recalibration may add, shape (n_rows, p); `resolution` the step of the readings [the same unit]: a slow

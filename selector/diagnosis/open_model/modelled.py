@@ -148,9 +148,6 @@ def diagnosis_of_model(
 ) -> Modelled:
     """What a simulation left out that can be run again with other parameters.
 
-    In mode C the effect that explains most is put into the model, everything is fitted again, and what is left is
-    looked at anew, until nothing is found that the file can express.
-
     `runnable` is a model of ours (mode C), a function or an FMU (mode B). `responses` and `holdout` are those of
     `alignment.comparison_of`, `seed` and `false_alarm` those of `workflow.diagnosis`; `progress` is told steps done,
     steps in all, and what is done.

@@ -197,9 +197,8 @@ def refitted(
 ) -> Refitted:
     """The simulation with its own parameters fitted to the recordings, by Gauss–Newton on weighted residuals.
 
-    Every parameter is held by its nameplate: what the file says ± 20 %, or anywhere within the bounds that somebody has
-    thought about. Noise is estimated from what is left, and the fit repeated with it. Parameters that the record does
-    not determine stay near what the file says, and are told.
+    Every parameter is held by its nameplate (docs/how-to/diagnose-a-model.md). Noise is estimated from what is left,
+    and the fit repeated with it.
 
     `responses` and `holdout` are those of `alignment.comparison_of`. `added` are parameters to be fitted beyond those
     that recalibration changes, of which nothing is known but their bounds: where the search may begin. The best one is

@@ -201,9 +201,7 @@ class DrivenModel:
         likely as a test began warm: how far that course is from this one is part of the error. So is, where nobody
         says how a hall moves, what it did in the tests.
 
-        What the record leaves open of coefficients, walk and ripple, times how much more left-out tests were off; and
-        how far other fits are from this course. Of separate tests it is over the duty cycle two thirds of the way, by
-        ratio, to the larger of what is left open, as the fit has it, and what left-out tests were off; of few, more.
+        The rest of it: docs/explanation/thermal-modes.md, *The claimed error*.
         """
         squares = self._expected_um(cyclogram, np.asarray(time_s, dtype=np.float64), hall, follows=follows) ** 2
         if self.is_separate and self.heldout_um is not None:

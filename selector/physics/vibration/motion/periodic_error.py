@@ -49,8 +49,8 @@ def realisation_amounts(
 ) -> Realisations:
     """Amounts of the motion by these lines over all realisations and sections.
 
-    A shift that all sources share leaves |Z| as it is: N/P realisations are added up, and the P common shifts of each
-    are taken for |x| only. Sources without motion here change nothing and are left out of the sum, but counted in N.
+    N/P realisations are added up, and the P common shifts of each taken for |x| only. Sources without motion here are
+    left out of the sum, but counted in N.
 
     `motion_m` is X of every line [m], at `frequency_hz` [Hz] and of `source`, the position of one of all `n_sources`:
     each of shape (n_lines,). `time_s` are the times of the sections [s], see `section_times`; `phases` is P ≥ 1.
