@@ -126,7 +126,7 @@ class Choices:
         question = pool.question
         found = candidates(question, _own_bench(pool, pool.library([(question.sensors, LINEAR)]), machines)[0])
         static, lagged = shapes_on_offer(question, pool.period_s, pool.duration_s)
-        library = pool.library(library_requests(question, [found], static, lagged))
+        library = pool.library(library_requests([found], static, lagged))
         bench, machine = _own_bench(pool, library, machines)
         trials = tested(question, found, bench, static, lagged).trials
         weights = np.equal.outer(np.arange(len(machines)), machine) * bench.samples

@@ -210,7 +210,7 @@ def shapes_on_offer(question: Question, period_s: float, duration_s: float) -> t
 
 
 def library_requests(
-    question: Question, found: Sequence[Candidates], static: Sequence[Shape], lagged: Sequence[Shape]
+    found: Sequence[Candidates], static: Sequence[Shape], lagged: Sequence[Shape]
 ) -> list[tuple[tuple[str, ...], Shape]]:
     """Every (sensors, shape) whose terms a choice on any of these candidates may ask for."""
     requests: dict[tuple[tuple[str, ...], Shape], None] = {}

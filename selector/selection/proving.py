@@ -221,11 +221,11 @@ class Folds:
         """Cross-products of every term that these candidates may need."""
         if list(static) == [LINEAR] and not lagged:
             return self.linear
-        return self._compared(library_requests(self.question, found, static, lagged))
+        return self._compared(library_requests(found, static, lagged))
 
     def memory_gb(self, found: Sequence[Candidates], static: Sequence[Shape], lagged: Sequence[Shape]) -> float:
         """About what a choice among these terms takes [10⁹ bytes], as measured (docs/decisions/0014-fleets.md)."""
-        asked, speeds = library_requests(self.question, found, static, lagged), self.question.speeds
+        asked, speeds = library_requests(found, static, lagged), self.question.speeds
         terms = {key_of(term) for sensors, shape in asked for term in shape.terms(sensors, speeds)}
         return 0.05 + 32e-9 * len(self.all) * len(terms) ** 2
 

@@ -60,7 +60,7 @@ def test_a_set_is_shown_with_the_run_that_tells():
 
 
 def test_nothing_runs_that_was_not_written_here_and_nothing_is_loaded():
-    page = Page(diagnosis_html(answer(names=HOSTILE), title=HOSTILE[0], provenance=PROVENANCE))
+    page = Page(diagnosis_html(answer(names=HOSTILE), provenance={**PROVENANCE, "machine": HOSTILE[0]}))
     assert "default-src 'none'" in page.policy
     assert not [tag for tag in page.tags if tag in ("link", "iframe", "img", "object")]
     assert not [one for one in page.attributes if one[1] in ("src", "href") and not one[2].startswith("#")]

@@ -237,7 +237,6 @@ def driven_runs(
         as_recorded(model.recorded(signals, seed), recording, names),
         model.motions(shaft_rpm),
         shaft_rpm,
-        dict.fromkeys(recording.runs, phases),
         tuple(findings),
         names,
         tuple(dict.fromkeys((*channels.speeds.values(), *channels.forces.values()))),

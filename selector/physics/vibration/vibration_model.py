@@ -41,7 +41,6 @@ class VibrationSimulation:
     #: "coupled", and "chains" where there are any → motion of the finals by every line at the speeds `shaft_rpm`
     motions: Mapping[str, FinalMotions]
     shaft_rpm: Mapping[str, float]  #: Mean speed of every shaft over all runs [r/min]
-    phases_rad: Mapping[str, Mapping[str, float]]  #: Run → source → shift of all its lines [rad]
     findings: tuple[Finding, ...] = ()  #: What is odd about the motion in time, or the recorded runs
     matched: Mapping[str, str] = field(default_factory=dict)  #: Name of a channel → that of the recorded one
     inputs: tuple[str, ...] = ()  #: Recorded channels that drove the model
@@ -150,10 +149,9 @@ class VibrationModel(ModelOfFile[VibrationFile]):
         """
         progress(0, 1, run)
         noise = self.file.run.seed if seed is None else seed
-        phases = self.phases_rad(noise)
-        signal = self.signal(self.times_s, self.courses, phases)
+        signal = self.signal(self.times_s, self.courses, self.phases_rad(noise))
         recording, motions = self.recorded({run: signal}, noise), self.motions(self.shaft_rpm)
-        return VibrationSimulation(recording, motions, self.shaft_rpm, {run: phases}, signal.findings)
+        return VibrationSimulation(recording, motions, self.shaft_rpm, signal.findings)
 
     @property
     def times_s(self) -> Vector:

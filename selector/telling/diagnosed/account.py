@@ -42,7 +42,6 @@ Drawings = Mapping[str, Sequence[Block]]  #: Section of an account → its drawi
 def diagnosis_account(
     found: Diagnosis,
     *,
-    title: str | None = None,
     description: Mapping[str, Any] | None = None,
     provenance: Mapping[str, Any] | None = None,
     drawn: bool = False,
@@ -63,7 +62,7 @@ def diagnosis_account(
         answer = answer.replace(f" To tell them apart: {step.partition(': ')[2]}", "")
     fault = "What is at fault" if found.verdict == "data-fault" else "What was left out"
     return Account(
-        title or ": ".join(["What the simulation left out", *([str(machine)] if machine else [])]),
+        ": ".join(["What the simulation left out", *([str(machine)] if machine else [])]),
         (answer, *steps),
         sections(
             section(
@@ -111,7 +110,7 @@ def diagnosis_account(
             findings_section(found.findings),
             section("origin", "Origin", *origin.origin_parts(described, {**told, "seed": found.seed})),
         ),
-        label=label_text("the recordings", title or "", told, described),
+        label=label_text("the recordings", "", told, described),
         verdict="good" if found.verdict == "nothing-missing" else "bad",
         data=found.as_dict(),
         brief=("effects", "better"),

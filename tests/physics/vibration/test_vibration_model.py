@@ -45,7 +45,8 @@ def test_the_motion_is_the_sum_of_its_lines_with_the_shifts_of_the_seed():
     built = model()
     simulation = built.simulation(seed=5)
     motion, time_s = simulation.motions["coupled"], simulation.recording.time_s("simulation")
-    shift = np.array([simulation.phases_rad["simulation"][name] for name in motion.sources])[motion.source]
+    phases_rad = built.phases_rad(5)
+    shift = np.array([phases_rad[name] for name in motion.sources])[motion.source]
     turned = motion.of("tool")[:, None] * np.exp(
         1j * (shift[:, None] + 2 * np.pi * motion.frequency_hz[:, None] * time_s)
     )
