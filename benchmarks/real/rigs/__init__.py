@@ -12,6 +12,7 @@ from benchmarks.real.rigs import (
     cart_pendulum,
     cart_rail,
     f16,
+    fifth,
     fourth,
     friction_damper,
     heated_bar,
@@ -59,5 +60,6 @@ _RIGS = (
 )
 
 CASES: tuple[RealCase, ...] = (
-    *(case for rig in _RIGS for case in rig.CASES), *second.CASES, *third.CASES, *fourth.CASES
+    *(case for rig in _RIGS for case in rig.CASES), *second.CASES, *third.CASES, *fourth.CASES,
+    *fifth.CASES,
 )  # fmt: skip
