@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -57,9 +57,18 @@ class LinearResponse:
         """What a steady force of 1 moves the response by."""
         return float(self.numerator.sum() / self.denominator.sum())
 
-    def passed(self, comparison: Comparison, values: Vector) -> Vector:
-        """What a force of this course (no holes) does to the response, run by run from rest."""
-        return on_even_clock(comparison, partial(lfilter, self.numerator, self.denominator), values)
+    def passed(self, comparison: Comparison, values: Vector, *, settled: bool = False) -> Vector:
+        """What a force of this course (no holes) does to the response, run by run from rest.
+
+        From rest without it, or with `settled` where its first value has moved the response to.
+        """
+
+        def moved(part: Vector) -> Vector:
+            first = part[0] if settled else 0.0
+            late = np.asarray(lfilter(self.numerator, self.denominator, part - first))
+            return late + self.static_gain * first if settled else late
+
+        return on_even_clock(comparison, moved, values)
 
 
 def resonances_of(comparison: Comparison, response: str) -> tuple[tuple[float, float], ...]:

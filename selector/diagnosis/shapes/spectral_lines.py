@@ -1,5 +1,6 @@
 """Which sharp lines and resonances stand in what a simulation leaves: fixed, or following a shaft."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -346,11 +347,18 @@ def rotating_forces(comparison: Comparison) -> Matrix:
 
 DAMPING = (0.005, 0.015, 0.04, 0.1)
 _PER_HALF_WIDTH = 1.2
+_NEARLY_NONE = 1e-9  #: Of a course, added to what is not in the others: it may be one of them.
 _SHARED = 1.12  #: By the ends of the window neighbouring frequencies share so much of their noise.
 
 
 def resonances(
-    comparison: Comparison, left: Vector, source: Vector, most: int = 4, *, behind_filter: bool = True
+    comparison: Comparison,
+    left: Vector,
+    source: Vector,
+    simulated: Vector,
+    most: int = 4,
+    *,
+    behind_filter: bool = True,
 ) -> tuple[tuple[float, float], ...]:
     """(frequency [Hz], damping) of resonances that pass the source on into what is left, the clearest first.
 
@@ -361,19 +369,21 @@ def resonances(
     runs = even_runs(comparison)
     parts = [part for run in runs for part in _stretch(run, comparison, left)] if behind_filter else []
     noise = white_filter(parts)
-    spectra = [s for s in (_spectra(run, comparison, left, source, noise) for run in runs) if s is not None]
+    courses = (left, source, simulated)
+    spectra = [s for s in (_spectra(run, comparison, courses, noise) for run in runs) if s is not None]
     if not spectra:
         return ()
-    hz, u, e = (np.concatenate([s[k] for s in spectra]) for k in range(3))
+    hz = np.concatenate([one for one, _ in spectra])
+    courses_hz = np.concatenate([of for _, of in spectra], axis=1)
     longest = max(1.0 / float(s[0][1] - s[0][0]) for s in spectra)
     low, high = 8.0 / longest, 0.45 / comparison.period_s
     if high <= low:
         return ()
     order = np.argsort(hz)
-    hz, u, e = hz[order], u[order], e[order]
+    looked = hz[order], np.ascontiguousarray(courses_hz[:, order])
     grids = [np.exp(np.arange(np.log(low), np.log(high), damping / _PER_HALF_WIDTH)) for damping in DAMPING]
     pairs = zip(grids, DAMPING, strict=True)
-    gains = [np.array([_explained(hz, u, e, float(f), z) for f in grid]) for grid, z in pairs]
+    gains = [np.array([_explained(*looked, float(f), z) for f in grid]) for grid, z in pairs]
     limit = float(chi2.isf(CHANCE / len(hz), 2))
     found: list[tuple[float, float]] = []
     while len(found) < most:
@@ -382,7 +392,7 @@ def resonances(
         if gains[k][top] <= limit:
             break
         f0 = float(grids[k][top])
-        found.append(_refined(hz, u, e, f0, DAMPING[k]))
+        found.append(_refined(*looked, f0, DAMPING[k]))
         for grid, gain in zip(grids, gains, strict=True):
             gain[np.abs(np.log(grid / f0)) < 0.1] = 0.0
     return tuple(found)
@@ -398,39 +408,41 @@ def _stretch(run: EvenRun, comparison: Comparison, *courses: Vector) -> list[Vec
     return [run.on(course)[first:last] for course in courses]
 
 
+Spectra = NDArray[np.complex128]  #: (3, n_frequencies): Of what is left, of the source, of the simulated course.
+
+
 def _spectra(
-    run: EvenRun, comparison: Comparison, left: Vector, source: Vector, noise: Vector
-) -> tuple[Vector, Vector, Vector] | None:
-    """Frequencies [Hz], source and what is left, both behind the filter and over the strength of the noise there."""
-    e, u = _stretch(run, comparison, left, source)
-    if len(e) < 64 or not np.any(e):
+    run: EvenRun, comparison: Comparison, courses: Sequence[Vector], noise: Vector
+) -> tuple[Vector, Spectra] | None:
+    """Frequencies [Hz], and what is left and other courses behind the filter, over the strength of the noise there."""
+    parts = _stretch(run, comparison, *courses)
+    n = len(parts[0])
+    if n < 64 or not np.any(parts[0]):
         return None
-    window = tapered(len(e))
-    hz = np.fft.rfftfreq(len(e), comparison.period_s)[3:]
-    es, us = (np.fft.rfft(filtered(v - v.mean(), noise) * window)[3:] for v in (e, u))
-    strength = np.sqrt(floor(np.abs(es) ** 2))
-    return np.asarray(hz, dtype=np.float64), np.asarray(us / strength), np.asarray(es / strength)
+    window = tapered(n)
+    hz = np.fft.rfftfreq(n, comparison.period_s)[3:]
+    spectra = np.array([np.fft.rfft(filtered(v - v.mean(), noise) * window)[3:] for v in parts])
+    return np.asarray(hz, dtype=np.float64), np.asarray(spectra / np.sqrt(floor(np.abs(spectra[0]) ** 2)))
 
 
-def _explained(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: float) -> float:
+def _explained(hz: Vector, spectra: Spectra, frequency_hz: float, damping: float) -> float:
     """Twice the whitened power explained near the resonance; of noise it is chi-square with two degrees of freedom."""
     reach = min(max(12.0 * damping, 0.06), 0.8)
     a, b = np.searchsorted(hz, [frequency_hz * (1.0 - reach), frequency_hz * (1.0 + reach)])
-    if b - a < 6:
+    if b - a < 8:
         return 0.0
     r = hz[a:b] / frequency_hz
-    h = u[a:b] / (1.0 - r * r + 2j * damping * r)
-    g = 1j * r * h
-    e = e[a:b]
-    hh, gg, hg = float(np.vdot(h, h).real), float(np.vdot(g, g).real), float(np.vdot(h, g).real)
-    he, ge = float(np.vdot(h, e).real), float(np.vdot(g, e).real)
-    det = hh * gg - hg * hg
-    if det <= 1e-12 * hh * gg:
-        return 0.0
-    return 2.0 * (gg * he * he - 2.0 * hg * he * ge + hh * ge * ge) / det / _SHARED
+    e, u, s = spectra[:, a:b]
+    h = u / (1.0 - r * r + 2j * damping * r)
+    of = np.array([s, 1j * r * s, h, 1j * r * h, e]).view(np.float64)
+    of /= np.maximum(np.sqrt(np.einsum("ij,ij->i", of, of)), 1e-300)[:, None]
+    products = of @ of.T
+    products[np.diag_indices(4)] += _NEARLY_NONE
+    with_it, without_it = (float(products[4, :k] @ np.linalg.solve(products[:k, :k], products[4, :k])) for k in (4, 2))
+    return 2.0 * (with_it - without_it) * float(np.vdot(e, e).real) / _SHARED
 
 
-def _refined(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: float) -> tuple[float, float]:
+def _refined(hz: Vector, spectra: Spectra, frequency_hz: float, damping: float) -> tuple[float, float]:
     step_f, step_z = damping / _PER_HALF_WIDTH, 1.6
     for _ in range(3):
         tried = [
@@ -438,6 +450,6 @@ def _refined(hz: Vector, u: Vector, e: Vector, frequency_hz: float, damping: flo
             for df in (-step_f, -step_f / 2, 0.0, step_f / 2, step_f)
             for dz in (1.0 / step_z, 1.0, step_z)
         ]
-        frequency_hz, damping = max(tried, key=lambda pair: _explained(hz, u, e, *pair))
+        frequency_hz, damping = max(tried, key=lambda pair: _explained(hz, spectra, *pair))
         step_f, step_z = step_f / 3.0, step_z**0.6
     return frequency_hz, float(min(max(damping, 0.001), 0.5))

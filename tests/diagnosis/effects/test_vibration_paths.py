@@ -15,6 +15,7 @@ from selector.diagnosis.effects.vibration.mode import EFFECT as MODE
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonances_of, resonator
 from selector.diagnosis.shapes.signals import rate
 from selector.diagnosis.shapes.spectral_lines import Line, aligned
+from selector.diagnosis.workflow import diagnosis
 from tests.diagnosis.effects.concealed_truths import F1, Z1, comparison_of, structure
 from tests.diagnosis.made import comparison
 
@@ -170,3 +171,22 @@ def test_an_unseen_run_up_shows_its_phase_where_it_is_fast_enough():
     left = made.difference("Z") + size * np.cos(turn)
     found, _ = aligned(made, left, cosine, sine, Line(1.0, (0.0, 0.0, 0.0), 0.0), is_known=True)
     assert np.corrcoef(found[1500:], np.cos(turn)[1500:])[0, 1] > 0.99
+
+
+@pytest.mark.parametrize("from_rest", [True, False])
+def test_a_resonance_is_found_beside_a_simulation_that_follows_at_once(from_rest: bool) -> None:
+    """Far above the resonance the machine does not follow, which is no other resonance."""
+    rng = np.random.default_rng(7)
+    b, a = resonator(2.0, 0.15, 0.01)
+    path, runs = LinearResponse("u", b[0], a, 0.0), []
+    for _ in range(3):
+        levels = rng.uniform(0.0, 1.0, 10)
+        pushed = np.repeat(np.r_[0.0, levels] if from_rest else 5.0 + levels, 200)
+        time = 0.01 * np.arange(len(pushed))
+        alone = comparison_of([(time, {"u": pushed}, {"u": pushed})], {"u": "voltage"}, ("u",))
+        moved = path.passed(alone, pushed, settled=not from_rest) + 0.01 * rng.normal(size=len(pushed))
+        runs.append((time, {"u": pushed, "x": moved}, {"x": pushed}))
+    asked = comparison_of(runs, {"u": "voltage", "x": "displacement"}, ("x",))
+    effect = diagnosis(asked).effects[0]
+    assert effect.id == "vibration.mode"
+    assert effect.parameters["frequency_hz"].value == pytest.approx(2.0, rel=0.05)

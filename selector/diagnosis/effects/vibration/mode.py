@@ -1,7 +1,8 @@
 """`vibration.mode`: a resonance that the simulation lacks."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize
@@ -19,20 +20,22 @@ from selector.diagnosis.effects.effect import (
 )
 from selector.diagnosis.shapes.linear_response import LinearResponse, inputs, resonances_of, resonator
 from selector.diagnosis.shapes.residual import least_squares, unexplained
-from selector.diagnosis.shapes.signals import course, even_runs, no_vibration, of_a_drive, resonance, swept_hz
+from selector.diagnosis.shapes.signals import course, even_runs, no_vibration, of_a_drive, rate, resonance, swept_hz
 from selector.diagnosis.shapes.spectral_lines import resonances
-from selector.types import Vector
+from selector.types import Matrix, Vector
 
 _MOST_SOURCES = 3
 #: Natural logarithm of the range of frequencies that a record shows, and the lowest damping that it tells.
 _OCTAVES, _NARROWEST = 5.0, 0.005
 #: What a mode pays at a resonance that the simulation has: there a structure rings by itself at every knock.
 _RINGS = 25.0
-_LEAST_DAMPING, _MOST_DAMPING = 0.001, 0.5
+_LEAST_DAMPING, _MOST_DAMPING, _NO_RESONANCE = 0.001, 0.5, 2.0
 #: Of resonances by least squares: logarithms that one is told to and may move by, and that two starts are apart; the
 #: most starts, and the most shapes tried from each.
 _NEAR, _FAR, _APART = 1e-3, 0.3, 0.05
 _MOST_STARTS, _MOST_TRIED = 4, 60
+#: Samples that tell the start of a run; of the spread, by what they differ of a source that is held, and are from 0.
+_FIRST, _STILL, _AWAY = 5, 0.1, 0.5
 _NEIGHBOURS = ((1.0, 1.0), (0.985, 1.0), (1.015, 1.0), (1.0, 0.5), (1.0, 2.0))
 
 
@@ -49,34 +52,57 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     accelerations = comparison.channel(response).role == "acceleration"
     own = resonances_of(comparison, response)
     for name, source in sources.items():
-        for frequency_hz, damping in _resonances(comparison, left, source):
-            # a frequency of many, as likely in one octave as in another, told to the width of the resonance
-            looked_at = _OCTAVES / max(damping, _NARROWEST) * len(sources)
-            looked_at *= _RINGS if any(abs(frequency_hz - f0) < 2.0 * z0 * f0 for f0, z0 in own) else 1.0
-            for times_f, times_z in _NEIGHBOURS:
-                shape = _variant(comparison, name, source, frequency_hz * times_f, damping * times_z, accelerations)
-                yield replace(shape, looked_at=looked_at)
+        for settled in (False, True) if _is_held(comparison, source) else (False,):
+            made = partial(_variant, comparison, name, source, settled=settled)
+            for frequency_hz, damping in _resonances(comparison, left, simulated, source, made):
+                # a frequency of many, as likely in one octave as in another, told to the width of the resonance
+                looked_at = _OCTAVES / max(damping, _NARROWEST) * len(sources)
+                looked_at *= _RINGS if any(abs(frequency_hz - f0) < 2.0 * z0 * f0 for f0, z0 in own) else 1.0
+                for times_f, times_z in _NEIGHBOURS:
+                    if damping * times_z <= _MOST_DAMPING:
+                        shape = made(frequency_hz * times_f, damping * times_z, acceleration=accelerations)
+                        yield replace(shape, looked_at=looked_at)
 
 
-def _resonances(comparison: Comparison, left: Vector, source: Vector) -> list[tuple[float, float]]:
+def _is_held(comparison: Comparison, source: Vector) -> bool:
+    """Whether a run begins with the source held away from 0, so that the machine may have come to rest with it."""
+    spread = float(np.std(source))
+    first = (source[rows][:_FIRST] for _, rows in comparison.rows_of_runs() if rows.stop > rows.start)
+    return any(np.ptp(part) < _STILL * spread and abs(np.mean(part)) > _AWAY * spread for part in first)
+
+
+def _resonances(
+    comparison: Comparison, left: Vector, simulated: Vector, source: Vector, made: Callable[..., Variant]
+) -> list[tuple[float, float]]:
     """(frequency [Hz], damping) of what the scans see, and of what is least squares near each."""
-    seen = resonances(comparison, left, source)
+    seen = resonances(comparison, left, source, simulated)
     starts: list[tuple[float, float]] = []
-    for one in (*resonances(comparison, left, source, behind_filter=False), *seen):
-        if all(abs(np.log(one[0] / other[0])) > _APART for other in starts) and len(starts) < _MOST_STARTS:
+    for one in (*resonances(comparison, left, source, simulated, behind_filter=False), *seen):
+        if all(_is_apart(one, other, _APART) for other in starts) and len(starts) < _MOST_STARTS:
             starts.append(one)
-    return [*seen, *(_of_least_squares(comparison, left, source, one) for one in starts)]
+    beside = np.column_stack([np.ones(len(left)), simulated, rate(comparison, simulated)])
+    told = [_of_least_squares(left, beside, made, one) for one in starts]
+    # what is damped more is no resonance, but follows late
+    late = [one for one in told if one[1] > _MOST_DAMPING]
+    return [one for one in (*seen, *told) if all(_is_apart(one, other, _FAR) for other in late)]
+
+
+def _is_apart(one: tuple[float, float], other: tuple[float, float], logarithms: float) -> bool:
+    """Whether the frequencies of two resonances differ by more."""
+    return abs(np.log(one[0] / other[0])) > logarithms
 
 
 def _of_least_squares(
-    comparison: Comparison, left: Vector, source: Vector, start: tuple[float, float]
+    left: Vector, beside: Matrix, made: Callable[..., Variant], start: tuple[float, float]
 ) -> tuple[float, float]:
-    """Frequency [Hz] and damping that leave the least, from a `start`."""
+    """Frequency [Hz] and damping that leave the least beside what recalibration may change, from a `start`."""
     rows = left != 0.0
 
     def misfit(shape: Vector) -> float:
         frequency_hz, damping = np.exp(shape).tolist()
-        columns = _variant(comparison, "", source, frequency_hz, damping, acceleration=False).columns[rows]
+        if abs(np.log(frequency_hz / start[0])) > _FAR or not _LEAST_DAMPING <= damping <= _NO_RESONANCE:
+            return np.inf
+        columns = np.column_stack([made(frequency_hz, damping, acceleration=False).columns, beside])[rows]
         return float(np.sum((left[rows] - columns @ least_squares(columns, left[rows])) ** 2))
 
     first = np.log(start)
@@ -88,19 +114,24 @@ def _of_least_squares(
         options={"initial_simplex": simplex, "xatol": _NEAR, "fatol": np.inf, "maxfev": _MOST_TRIED},
     )
     frequency_hz, damping = np.exp(found.x).tolist()
-    is_far = abs(np.log(frequency_hz / start[0])) > _FAR or not _LEAST_DAMPING <= damping <= _MOST_DAMPING
-    return start if is_far else (frequency_hz, damping)
+    return frequency_hz, damping
 
 
 def _variant(
-    comparison: Comparison, name: str, source: Vector, frequency_hz: float, damping: float, acceleration: bool
+    comparison: Comparison,
+    name: str,
+    source: Vector,
+    frequency_hz: float,
+    damping: float,
+    *,
+    acceleration: bool,
+    settled: bool,
 ) -> Variant:
     b, a = resonator(frequency_hz, damping, comparison.period_s)
-    rows = (2, 1) if acceleration else (0, 1)
-    columns = np.column_stack([LinearResponse(name, b[k], a, 1.0).passed(comparison, source) for k in rows])
+    ways = (LinearResponse(name, b[k], a, 1.0) for k in ((2, 1) if acceleration else (0, 1)))
     words = f"{name} through a resonance at {frequency_hz:.4g} Hz"
     return Variant(
-        columns,
+        np.column_stack([way.passed(comparison, source, settled=settled) for way in ways]),
         (words, "its speed"),
         {"frequency_hz": Quantity(frequency_hz, "Hz"), "damping": Quantity(damping, "1")},
         sources=(name,) if name in comparison.recorded else (),
