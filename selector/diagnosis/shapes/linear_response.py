@@ -28,7 +28,9 @@ from selector.diagnosis.shapes.spectral_lines import rotating_forces
 from selector.types import Matrix, Vector
 
 #: What may drive a structure, the likeliest first.
-INPUT_ROLES = ("force", "voltage", "current", "acceleration", "flow", "displacement", "velocity", "position")
+INPUT_ROLES = (
+    "force", "voltage", "current", "acceleration", "flow", "displacement", "velocity", "position", "position_command"
+)  # fmt: skip
 _ORDERS = (2, 4, 6)
 _STEPS = 6
 _ENOUGH = 1e-3

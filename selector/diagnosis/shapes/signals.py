@@ -176,7 +176,12 @@ def no_vibration(comparison: Comparison, response: str, *, roles: tuple[str, ...
 
 
 def of_a_drive(comparison: Comparison, response: str) -> str | None:
-    """Why the structural effects are left to those of drives, in one clause; None if this is no feed drive."""
+    """Why the structural effects are left to those of drives, in one clause; None if this is no feed drive.
+
+    What an axis shakes is seen by an accelerometer, and no effect of a drive is looked for in that.
+    """
+    if comparison.channel(response).role == "acceleration":
+        return None
     roles = {c.role for c in comparison.channels}
     if "feed_rate" in roles and not roles & {"force", "acceleration"}:
         return f"{response} belongs to a feed that is recorded with it, not to a structure that is shaken"

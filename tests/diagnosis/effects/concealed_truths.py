@@ -15,6 +15,7 @@ _UNITS = {"displacement": "um", "force": "N", "spindle_speed": "rpm", "feed_rate
 _UNITS |= {
     "voltage": "V",
     "position": "m",
+    "position_command": "m",
     "flow": "m^3/s",
     "acceleration": "m/s^2",
     "amplitude": "um",

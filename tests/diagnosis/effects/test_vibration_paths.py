@@ -190,3 +190,10 @@ def test_a_resonance_is_found_beside_a_simulation_that_follows_at_once(from_rest
     effect = diagnosis(asked).effects[0]
     assert effect.id == "vibration.mode"
     assert effect.parameters["frequency_hz"].value == pytest.approx(2.0, rel=0.05)
+
+
+def test_what_an_axis_shakes_is_looked_for_in_an_accelerometer() -> None:
+    time = 1e-3 * np.arange(400)
+    run = (time, {"p": np.sin(20.0 * time), "a": np.sin(300.0 * time)}, {"a": 0.1 * np.sin(20.0 * time)})
+    asked = comparison_of([run, run], {"p": "position_command", "a": "acceleration"}, ("a",))
+    assert MODE.testable(asked, "a") is None
