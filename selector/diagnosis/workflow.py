@@ -443,6 +443,18 @@ def _named_by_whole_record(state: _State) -> _State:
     return replace(state, effects=tuple(effects))
 
 
+def _off_in_unseen(state: _State) -> _State:
+    """Where nothing else is found: what unseen rows speak against is structure that nothing explains."""
+    if state.effects or state.structures:
+        return state
+    found = state.search
+    off = {name: contradicted(bench, state.again[name]) for name, bench in found.benches.items()}
+    unlike = (of_whole_record("unlike", state.comparison, name, off[name], 0.0) for name in off if off[name])
+    said = (*state.refuted, *unlike)
+    of_size = [one for one in said if not is_small(state.comparison, found, one.channel, one.size)]
+    return replace(state, structures=of_size)
+
+
 def _recalibration_holds(bench: Bench) -> bool:
     """Whether recalibration makes no unseen row worse on average."""
     left, given = (one[bench.unseen] for one in (bench.residual([]), bench.given))
@@ -461,12 +473,6 @@ def _judged(state: _State) -> _State:
     if found.named != state.search.named:
         # beside what is no name after all an offset may have come out anywhere
         state = _recalibrated(replace(state, search=found))
-    if not effects and not state.structures:
-        off = {name: contradicted(bench, state.again[name]) for name, bench in found.benches.items()}
-        unlike = (of_whole_record("unlike", state.comparison, name, off[name], 0.0) for name in off if off[name])
-        said = (*state.refuted, *unlike)
-        of_size = [one for one in said if not is_small(state.comparison, found, one.channel, one.size)]
-        state = replace(state, structures=of_size)
     gains = any(
         (one.matters or is_recalibrated(found, name)) and _recalibration_holds(found.benches[name])
         for name, one in state.again.items()
@@ -537,6 +543,8 @@ _STAGES: tuple[Callable[[_State], _State], ...] = (
     _named_clearly,
     _named_by_transfer,
     _named_by_whole_record,
+    _off_in_unseen,
+    _named_by_transfer,
     _judged,
     _fitted,
 )

@@ -184,6 +184,7 @@ _OWN_LAGS = 10
 _OTHER_LAGS = 4
 _CALM_S = 1800.0
 _WARM_START_K = 1.0
+_FIRST, _FAR = 5, 0.1  #: Samples of a run that tell its start; part of the spread.
 EARLIER = "what was left of earlier heat"  #: Name of the column of `warm_starts` that falls.
 _MOST_SENSORS = 8
 _LEFT_BY_SENSORS = 0.01
@@ -342,6 +343,23 @@ def warm_starts(comparison: Comparison, response: str) -> Vector:
         result[rows] = np.ptp(seen) if len(seen) == len(names) else np.nan
     apart = np.nan_to_num(result - np.nanmin(result)) if np.isfinite(result).any() else 0.0 * result
     return apart if apart.max() > _WARM_START_K else np.zeros(len(apart))
+
+
+@lru_cache(maxsize=32)
+def off_starts(comparison: Comparison, response: str) -> Vector:
+    """How much farther a temperature was from its simulated course at the start of its run than mostly [K], (n_rows,).
+
+    0 in all rows where that is little beside how far it moves, and of displacements, which count from there.
+    """
+    difference = comparison.difference(response) - np.nanmedian(comparison.difference(response))
+
+    def first(part: Vector) -> Vector:
+        seen = part[:_FIRST][np.isfinite(part[:_FIRST])]
+        return np.full(len(part), float(np.median(seen)) if len(seen) else 0.0)
+
+    off = by_run(comparison, first, difference)
+    is_far = float(np.abs(off).max()) > _FAR * float(np.nanstd(comparison.recorded[response]))
+    return off if is_far and comparison.channel(response).role == "temperature" else np.zeros(len(off))
 
 
 @lru_cache(maxsize=32)

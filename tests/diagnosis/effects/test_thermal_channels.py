@@ -297,3 +297,29 @@ def test_another_law_of_speed_takes_nothing_off_the_rest_of_the_simulation():
     # without a column of the simulation's own heat 0.978 and 0.922
     for again in answer.recalibration.values():
         assert again["gain"].value == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_lag_goes_on_from_where_its_response_was_at_the_start():
+    """A cell with the current on from the first row: at once it would be hot, and it begins as cold as the air."""
+    rng = np.random.default_rng(2)
+    runs, hot, cold = [], [], []
+    for first in (1.0, 2.0, 1.5):
+        current = np.repeat(np.r_[first, rng.uniform(0.0, 2.5, 4)], 60)
+        wanted = 20.0 + 5.0 * current**2
+        follows = np.empty(300)
+        follows[0] = 20.0
+        for k in range(1, 300):
+            follows[k] = follows[k - 1] + (1.0 - np.exp(-20.0 / 600.0)) * (wanted[k - 1] - follows[k - 1])
+        runs.append(current)
+        hot.append(wanted)
+        cold.append(follows + 0.02 * rng.normal(size=300))
+    asked = Comparison(
+        runs=("a", "b", "c"), starts=(0, 300, 600, 900), time_s=np.tile(20.0 * np.arange(300), 3),
+        channels=(Channel("T", "temperature", "degC"), Channel("I", "current", "A")),
+        recorded={"T": np.concatenate(cold), "I": np.concatenate(runs)}, simulated={"T": np.concatenate(hot)},
+        responses=("T",), held_out=np.arange(900) >= 600,
+    )  # fmt: skip
+    answer = diagnosis(asked)
+    effect = answer.effects[0]
+    assert "thermal.memory" in (effect.id, *effect.cannot_be_told_from)
+    assert answer.fit["T"].heldout.rmse_after < 0.3 * answer.fit["T"].recalibrated_heldout

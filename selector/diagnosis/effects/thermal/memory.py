@@ -11,6 +11,7 @@ from selector.diagnosis.effects.thermal._wording import delay_of, late, told, wi
 from selector.diagnosis.shapes.heating import (
     EARLIER,
     lacking,
+    off_starts,
     rise_parts,
     simulated_rise,
     sources,
@@ -19,7 +20,7 @@ from selector.diagnosis.shapes.heating import (
     temperature_rise,
     warm_starts,
 )
-from selector.diagnosis.shapes.signals import excited, quick_time_constants, time_constants
+from selector.diagnosis.shapes.signals import excited, lagged, quick_time_constants, time_constants
 from selector.types import Vector
 
 _MOST_SENSORS = 3
@@ -27,6 +28,7 @@ _MOST_SENSORS = 3
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     taus, warmth = time_constants(comparison, 10), warm_starts(comparison, response)
+    off = off_starts(comparison, response)
     for name, words, heat in _heats(comparison, response):
         # runs may begin at different levels of the simulated course, and settled there
         of_course = partial(late, comparison, name, settled=name == response)
@@ -42,6 +44,12 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             for tau_s in taus[4::2]:
                 earlier = EARLIER, warmth * np.exp(-comparison.time_s / tau_s), 0.0
                 yield of_course([(words, heat, tau_s), earlier], taus_s=(tau_s,))
+        if np.any(off) and name == response:
+            # a lag goes on from where the response was
+            for tau_s in taus.tolist():
+                gone_on = lagged(comparison, heat, tau_s, settled=True) + off * np.exp(-comparison.time_s / tau_s)
+                from_there = f"{words} delayed by {tau_s / 60:.3g} min, from where {response} was", gone_on, 0.0
+                yield of_course([from_there], taus_s=(tau_s,))
 
 
 def _heats(comparison: Comparison, response: str) -> list[tuple[str, str, Vector]]:
