@@ -80,6 +80,21 @@ def test_a_name_that_ruins_the_unseen_run_is_none(slow):
     assert not not_ruinous(made, result).named
 
 
+@pytest.mark.parametrize(("misfit", "is_kept"), [(2.0, True), (1.0, False)])
+def test_where_more_is_left_than_noise_only_its_shape_may_be_what_ruins_the_unseen_run(slow, misfit, is_kept):
+    made, result = found(slow, 1.0)
+    bench, own = result.benches["Z"], result.named["thermal.memory"]["Z"]
+    of = bench.candidates[own]
+    columns = of.variant.columns * np.where(bench.fitted, 1.0, -5.0)[:, None]
+    other = replace(of, variant=replace(of.variant, columns=columns), first=len(bench.scales))
+    more = replace(bench, candidates=(*bench.candidates, other), scales=np.r_[bench.scales, bench.scales[of.columns]])
+    named = {"thermal.memory": {"Z": len(bench.candidates)}}
+    ruined = replace(result, benches={"Z": more}, named=named, misfit={"Z": misfit})
+    kept = not_ruinous(made, ruined).named
+    assert list(kept) == (["thermal.memory"] if is_kept else [])
+    assert all(of["Z"] != len(bench.candidates) for of in kept.values())
+
+
 @pytest.mark.parametrize(
     ("id_", "rivals", "of_movement", "is_like"),
     [

@@ -31,6 +31,7 @@ _PART = 0.6  #: Of what an effect gains.
 _MOST_OF_GAP = 0.7  #: On unseen rows.
 _CANCELS = 3.0  #: Times the mismatch as it is given. Right names on real recordings are at most 2.1 times as large.
 _THE_SAME, _AS_LITTLE = 1.0 - 1e-6, 1.0 + 1e-6  #: Canonical correlation of courses that fitted rows cannot tell; error.
+_NEARLY_ALL = 0.9  #: Of what the best shape explains.
 _RUINED = 1.5  #: Times the held-out error without an effect from which on it is another thing that was taken for it.
 
 
@@ -177,7 +178,8 @@ def not_ruinous(comparison: Comparison, found: Search) -> Search:
     """The search without names in responses whose error on unseen rows they make far larger; the least clear first.
 
     What ruins one response may be well borne out in the others, and stays there. So does physics that explains most of
-    fitted and, at another size, of unseen rows: a coolant that works less the more of it there is is a coolant.
+    fitted and, at another size, of unseen rows: a coolant that works less the more of it there is is a coolant. Where
+    only its best shape ruins them, an effect has the next best one.
     """
     while True:
         ruined = [
@@ -189,8 +191,29 @@ def not_ruinous(comparison: Comparison, found: Search) -> Search:
         if not ruined:
             return found
         _, id_, response = min(ruined)
+        other = _next_best(found, id_, response)
+        if other is not None:
+            found = replace(found, named={**found.named, id_: {**found.named[id_], response: other}})
+            continue
         rest = {name: v for name, v in found.named[id_].items() if name != response}
         found = replace(found, named=without(found.named, id_) if not rest else {**found.named, id_: rest})
+
+
+def _next_best(found: Search, id_: str, response: str) -> int | None:
+    """The next shape of physics that explains nearly as much of fitted rows, and some of unseen ones; None without."""
+    bench, own = found.benches[response], found.named[id_][response]
+    if id_.startswith("data.") or found.misfit[response] == 1.0:
+        return None
+    others = [other for other in numbers(found.named, response) if other != own]
+    least, before = _NEARLY_ALL * bench.share(others, own), unseen_rms(bench, others)
+    shares = {v: bench.share(others, v) for v, one in enumerate(bench.candidates) if one.effect.id == id_}
+    as_given = rms(bench.target[bench.unseen])
+    for v in sorted(shares, key=lambda one: -shares[one]):
+        if shares[v] < least:
+            break
+        if unseen_rms(bench, [*others, v]) < min(before, as_given):
+            return v
+    return None
 
 
 def _is_of_its_course(comparison: Comparison, found: Search, id_: str, response: str) -> bool:
