@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
@@ -79,7 +80,7 @@ def test_friction_by_speed_is_a_gain_of_a_simulated_speed() -> None:
     assert [effect.id for effect in diagnosis(comparison, seed=0).effects] == ["drive.coulomb"]
 
 
-@pytest.mark.parametrize("samples", [2.0, 7.0, -7.0])
+@pytest.mark.parametrize("samples", [2.0, 7.0, -7.0, 45.0])
 def test_a_delay_of_several_samples_is_calibration_and_no_memory(samples):
     made = comparison({"Z": 0.01 * np.random.default_rng(3).standard_normal(1800)})
     runs = made.simulated["Z"].reshape(3, -1)
@@ -89,3 +90,28 @@ def test_a_delay_of_several_samples_is_calibration_and_no_memory(samples):
     answer = diagnosis(replace(made, recorded={**made.recorded, "Z": late + noise}))
     assert answer.verdict == "miscalibrated"
     assert answer.recalibration["Z"]["delay"].value == pytest.approx(30.0 * samples, rel=0.03)
+
+
+def late(course: np.ndarray, samples: float) -> np.ndarray:
+    """Each of three runs later, from where it starts."""
+    runs = course.reshape(3, -1)
+    number = np.arange(runs.shape[1])
+    return np.concatenate([np.interp(number - samples, number, run) for run in runs])
+
+
+@pytest.mark.parametrize("samples", [14.0, 60.0])
+def test_a_force_that_comes_many_samples_late_is_no_resonance(samples):
+    rng = np.random.default_rng(1)
+    wanted = np.repeat(rng.uniform(-0.3, 0.3, 15), 120)
+    speed = np.concatenate([lfilter([0.08], [1.0, -0.92], run) for run in wanted.reshape(3, -1)])
+    force = 80.0 * np.gradient(speed, 2e-3) + 60.0 * speed
+    recorded = late(force, samples)
+    noise = 0.05 * np.std(recorded - force) * rng.standard_normal(len(force))
+    asked = Comparison(
+        runs=("r1", "r2", "r3"), starts=(0, 600, 1200, 1800), time_s=np.tile(2e-3 * np.arange(600), 3),
+        channels=(Channel("F", "force", "N"),), recorded={"F": recorded + noise}, simulated={"F": force},
+        responses=("F",), held_out=np.arange(1800) >= 1200,
+    )  # fmt: skip
+    answer = diagnosis(asked)
+    assert answer.verdict == "miscalibrated"
+    assert answer.recalibration["F"]["delay"].value == pytest.approx(2e-3 * samples, rel=0.02)

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
@@ -26,7 +27,9 @@ _BLOCKS = 24
 _CHANGES = 0.1  #: Of a course: what differs between cycles by less is taken to come back with them.
 _HIGHEST = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
 _ROUNDS = 4
-_FEW_SAMPLES, _MOST_SAMPLES, _CLEARLY_LESS = 2.0, 100.0, 0.25
+_FEW_SAMPLES, _LESS, _CLEARLY_LESS = 2.0, 0.5, 0.25
+_SHIFTS = np.geomspace(_FEW_SAMPLES, 100.0, 15)  #: Samples that a course is late by in a first look.
+_NEAR = 1e-2  #: Samples that a delay is told to.
 #: Gain, and delay in samples: a simulation that would need more to move as much as the mismatch does stands still.
 _MOST = 1e6
 #: Candidates that are whitened together: one by one the calls take longer than the numbers, all at once need memory.
@@ -410,22 +413,44 @@ def _delayed(comparison: Comparison, response: str, simulated: Vector, fitted: N
     of many samples has to leave clearly less beside noise than the derivative, or a lag would be exchanged for it.
     """
     slope, difference = -rate(comparison, simulated), comparison.difference(response)[fitted]
-    column, samples = slope, [0.0]
     # a thermometer that is late by more has a clock of its own, which is a fault and no calibration
-    most = _FEW_SAMPLES if comparison.channel(response).role == "temperature" else _MOST_SAMPLES
+    if comparison.channel(response).role != "temperature":
+        delay_s = _long_delay(comparison, response, simulated, fitted)
+        if delay_s:
+            column = (_late_by(comparison, simulated, delay_s) - simulated) / delay_s
+            known = np.column_stack([np.ones(len(simulated)), simulated])[fitted]
+            by_slope, late = (
+                _beside(np.column_stack([known, one[fitted]]), difference) ** 2 for one in (slope, column)
+            )
+            noise = min(float(np.mean(np.convolve(difference, _HIGHEST, mode="valid") ** 2)), late)
+            if late < _LESS * by_slope and late - noise < _CLEARLY_LESS * (by_slope - noise):
+                return column
+    column = slope
     for _ in range(_ROUNDS):
         columns = np.column_stack([np.ones(len(simulated)), simulated, column])
         delay_s = float(least_squares(columns[fitted], difference)[-1])
-        samples.append(abs(delay_s) / comparison.period_s)
-        if not 1e-3 < samples[-1] < most:
+        if not 1e-3 < abs(delay_s) / comparison.period_s < _FEW_SAMPLES:
             return slope
         column = (_late_by(comparison, simulated, delay_s) - simulated) / delay_s
-    if max(samples) < _FEW_SAMPLES:
-        return column
-    known = np.column_stack([np.ones(len(simulated)), simulated])[fitted]
-    by_slope, late = (_beside(np.column_stack([known, one[fitted]]), difference) ** 2 for one in (slope, column))
-    noise = min(float(np.mean(np.convolve(difference, _HIGHEST, mode="valid") ** 2)), late)
-    return column if late - noise < _CLEARLY_LESS * (by_slope - noise) else slope
+    return column
+
+
+def _long_delay(comparison: Comparison, response: str, simulated: Vector, fitted: NDArray[np.bool_]) -> float:
+    """The delay [s] of samples whose course, with a gain and an offset, leaves least; 0 where a part of one does."""
+    recorded = comparison.difference(response)[fitted] + simulated[fitted]
+
+    def left(samples: float) -> float:
+        def late(time: Vector, part: Vector) -> Vector:
+            return np.interp(time - samples * comparison.period_s, time, part) if len(time) else part
+
+        course = by_run(comparison, late, comparison.time_s, simulated)
+        return _beside(np.column_stack([np.ones(len(recorded)), course[fitted]]), recorded)
+
+    tried = np.r_[-_SHIFTS[::-1], 0.0, _SHIFTS]
+    best = int(np.argmin([left(samples) for samples in tried]))
+    around = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
+    samples = float(minimize_scalar(left, bounds=around, method="bounded", options={"xatol": _NEAR}).x)
+    return samples * comparison.period_s if abs(samples) > 1.0 else 0.0
 
 
 def _late_by(comparison: Comparison, course: Vector, delay_s: float) -> Vector:
