@@ -115,3 +115,19 @@ def test_a_force_that_comes_many_samples_late_is_no_resonance(samples):
     answer = diagnosis(asked)
     assert answer.verdict == "miscalibrated"
     assert answer.recalibration["F"]["delay"].value == pytest.approx(2e-3 * samples, rel=0.02)
+
+
+def test_a_force_that_follows_with_a_lag_is_named():
+    rng = np.random.default_rng(1)
+    throttle = np.repeat(rng.uniform(0.0, 1.0, 15), 120)
+    follows = np.concatenate([lfilter([0.05], [1.0, -0.95], run) for run in throttle.reshape(3, -1)])
+    noise = 0.5 * rng.standard_normal(len(throttle))
+    asked = Comparison(
+        runs=("r1", "r2", "r3"), starts=(0, 600, 1200, 1800), time_s=np.tile(0.05 * np.arange(600), 3),
+        channels=(Channel("F", "force", "N"), Channel("u", "state", "1")),
+        recorded={"F": 20.0 * follows + noise, "u": throttle}, simulated={"F": 20.0 * throttle},
+        responses=("F",), held_out=np.arange(1800) >= 1200,
+    )  # fmt: skip
+    (effect,) = diagnosis(asked).effects
+    assert effect.id == "gauging.lag"
+    assert effect.parameters["tau_s"].value == pytest.approx(1.0, rel=0.2)

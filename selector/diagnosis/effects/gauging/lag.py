@@ -8,11 +8,21 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
-from selector.diagnosis.shapes.signals import course, excited, lagged, no_gauging, part_by_part, time_constants
+from selector.diagnosis.shapes.axis import motion
+from selector.diagnosis.shapes.signals import (
+    course,
+    excited,
+    lagged,
+    no_gauging,
+    part_by_part,
+    quick_time_constants,
+    time_constants,
+)
 from selector.types import Vector
 
 _UM_PER_S = {"feed_rate": 1000.0 / 60.0, "velocity": 1e6}  #: Canonical unit of the role in µm/s.
 _SPAN_S = (0.005, 1.0)
+_READINGS = ("force", "current", "voltage", "flow", "velocity")
 _JUMP = 0.3  #: Share of the range of a reading that no feed goes through between two samples.
 
 
@@ -28,7 +38,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     steps = np.abs(np.diff(simulated, prepend=simulated[:1]))
     steps[list(comparison.starts[:-1])] = 0.0
     jumps = np.flatnonzero(steps > _JUMP * float(np.ptp(simulated)))
-    for tau_s in _lags_s(comparison):
+    for tau_s in _lags_s(comparison, response):
         late = lagged(comparison, simulated, tau_s, settled=True) - simulated
         shape = {"tau_s": Quantity(tau_s, "s")}
         yield Variant(late[:, None], (f"reading {tau_s:.3g} s late",), shape)
@@ -36,7 +46,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             anew = _late_anew(comparison, simulated, jumps, tau_s)
             yield Variant(anew[:, None], (f"reading {tau_s:.3g} s late, anew on every part",), shape)
     for name, rate_um_per_s in feeds.items():
-        for tau_s in (0.0, *_lags_s(comparison)[2::3]):
+        for tau_s in (0.0, *_lags_s(comparison, response)[2::3]):
             column = -lagged(comparison, rate_um_per_s, tau_s)
             words = f"infeed {name}" + (f", {tau_s:.3g} s later" if tau_s else "")
             yield Variant(column[:, None], (words,), {"transient_s": Quantity(tau_s, "s")}, sources=(name,))
@@ -67,13 +77,28 @@ def infeed(comparison: Comparison) -> dict[str, Vector]:
     return found
 
 
-def _lags_s(comparison: Comparison) -> list[float]:
+def _lags_s(comparison: Comparison, response: str) -> list[float]:
+    if _is_other_reading(comparison, response):
+        taus = time_constants(comparison, 24)
+        return [*map(float, quick_time_constants(comparison, float(taus[0]))), *map(float, taus)]
     taus = time_constants(comparison, 10)
     low = max(_SPAN_S[0], 0.5 * comparison.period_s)
     return [float(tau_s) for tau_s in np.geomspace(low, max(min(_SPAN_S[1], float(taus[-1])), 2.0 * low), 10)]
 
 
+def _is_other_reading(comparison: Comparison, response: str) -> bool:
+    """Whether a response is the reading of a force, current, voltage, flow or speed, and no other channel of an axis.
+
+    Of those that move with one, effects of drives are late in their own ways.
+    """
+    channel = comparison.channel(response)
+    moving = motion(comparison, channel.axis) if channel.role in _READINGS else None
+    return channel.role in _READINGS and (moving is None or set(moving.sources) <= {response})
+
+
 def _testable(comparison: Comparison, response: str) -> str | None:
+    if _is_other_reading(comparison, response):
+        return None
     reason = no_gauging(comparison, response)
     if reason is None and part_by_part(comparison, response) and not infeed(comparison):
         return "the infeed at the stop is not recorded (role feed_rate), or is the same for all parts"
