@@ -355,7 +355,9 @@ def _is_sure(effect: NamedEffect, state: _State, largest: float) -> bool:
     is_trifle |= effect.share < little and effect.suspected and effect.id != "data.stuck"
     is_trifle |= effect.share < TENTH and effect.acts is None and np.ptp(found.benches[effect.channel].runs) == 0
     gap = found.closed.get(effect.id)
-    is_carried = effect.share >= _QUARTER and (gap is None or gap.low is None or gap.low >= _LEAST_SURE)
+    # a fault of one run has no other rows that it could carry to
+    is_carried = effect.acts is None and effect.share >= _QUARTER
+    is_carried &= gap is None or gap.low is None or gap.low >= _LEAST_SURE
     return (effect.confidence >= _LEAST_SURE or is_carried) and not (is_trifle or only_cancels(effect, found))
 
 

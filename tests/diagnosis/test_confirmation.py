@@ -22,7 +22,7 @@ from selector.diagnosis.evidence.naming import as_carried, named_effect, or_para
 from selector.diagnosis.evidence.recalibration import contradicted, recalibrated
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
-from selector.diagnosis.workflow import diagnosis
+from selector.diagnosis.workflow import _is_sure, _State, diagnosis
 from tests.diagnosis.made import comparison
 
 N = 3 * 600
@@ -297,3 +297,11 @@ def test_a_fault_of_a_noisier_unseen_run_is_no_surer_than_the_part_of_it_that_it
     steps = [effect_of("data.step")]
     (step,) = held_out_faults(made, result, steps, false_alarm=0.02, seed=0)
     assert step.confidence < 0.5
+
+
+def test_a_fault_of_one_fitted_run_is_no_name_for_its_share_alone(slow):
+    made, result = found(slow, 1.0)
+    state = _State(made, None, search=result)  # type: ignore[arg-type]
+    guess = replace(named_effect(made, result, "thermal.memory"), confidence=0.01, share=0.3)
+    assert _is_sure(guess, state, 0.3)
+    assert not _is_sure(replace(guess, acts=("r1", 0.0, None)), state, 0.3)
