@@ -15,8 +15,8 @@ from selector.diagnosis.evidence.confirmation import (
     HARM,
     LEAST,
     SUSPECTED,
+    TRIFLE,
     as_unseen_rows_have_it,
-    confirmation,
     confirmed,
     doubted,
     held_out_faults,
@@ -25,6 +25,7 @@ from selector.diagnosis.evidence.confirmation import (
     only_cancels,
     only_where_carried,
     surely_refuted,
+    worth_naming,
 )
 from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.discrepancy import beside_discrepancy
@@ -42,7 +43,6 @@ from selector.diagnosis.evidence.naming import (
     named_effect,
     of_practical_size,
     or_parameters,
-    part_of,
     seen_only,
     told_of_small,
     whole_record_effect,
@@ -61,7 +61,6 @@ from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.wording import headline, is_data
 from selector.types import Vector
 
-_TRIFLE = 0.02  #: Of what the largest effect explains; of the mismatch, for a fault that unseen rows do not bear out.
 _MOST = 0.5
 #: Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
 #: missing if structure is left beside them.
@@ -234,7 +233,7 @@ def _tested(state: _State) -> _State:
     found = search(benches, false_alarm=asked.false_alarm, seed=asked.seed)
     found = beside_discrepancy(comparison, found)
     found = as_unseen_rows_have_it(found)
-    refuted, worth = surely_refuted(comparison, found), _worth_naming(comparison, found)
+    refuted, worth = surely_refuted(comparison, found), worth_naming(comparison, found)
     found = not_ruinous(comparison, worth)
     lost = [named_effect(comparison, worth, id_) for id_ in worth.named if id_ not in found.named]
     found, also = of_practical_size(comparison, found)
@@ -349,9 +348,9 @@ def _is_sure(effect: NamedEffect, state: _State, largest: float) -> bool:
     next to nothing beside much that is left. In a record of one run, noise and what wanders look like any little part.
     """
     found = state.search
-    is_trifle = effect.share < _TRIFLE * min(largest, _MOST) and left_unseen(effect, found) >= 1.0 - _TRIFLE
+    is_trifle = effect.share < TRIFLE * min(largest, _MOST) and left_unseen(effect, found) >= 1.0 - TRIFLE
     is_trifle |= effect.share < LEAST and is_far_above_noise(found, effect.channel)
-    little = max(TENTH * largest, _TRIFLE if is_data(effect.id) else 0.0)
+    little = max(TENTH * largest, TRIFLE if is_data(effect.id) else 0.0)
     is_trifle |= effect.share < little and effect.suspected and effect.id != "data.stuck"
     is_trifle |= effect.share < TENTH and effect.acts is None and np.ptp(found.benches[effect.channel].runs) == 0
     gap = found.closed.get(effect.id)
@@ -550,19 +549,6 @@ _STAGES: tuple[Callable[[_State], _State], ...] = (
     _judged,
     _fitted,
 )
-
-
-def _worth_naming(comparison: Comparison, found: Search) -> Search:
-    """Without effects that are a trifle beside the largest: shapes are not exact to the last percent.
-
-    In noise that wanders, the mean square hardly falls by what is quick and sure; how large its course is counts, too.
-    Nor what is a trifle beside the mismatch and gains nothing on held-out rows, where it ought to.
-    """
-    named = {id_: named_effect(comparison, found, id_) for id_ in found.named}
-    least = _TRIFLE * max((effect.share for effect in named.values()), default=0.0)
-    sizes = {id_: max(effect.share, part_of(found, effect)) for id_, effect in named.items()}
-    worth = {id_ for id_, size in sizes.items() if size >= least}
-    return found.only({id_ for id_ in worth if sizes[id_] >= LEAST or not confirmation(found, id_).refutes})
 
 
 def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:

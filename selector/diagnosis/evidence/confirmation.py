@@ -8,7 +8,7 @@ import numpy as np
 from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect
-from selector.diagnosis.evidence.naming import is_structured, named_effect
+from selector.diagnosis.evidence.naming import is_structured, named_effect, part_of
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms, without
 from selector.diagnosis.matching.runs import rms
@@ -24,6 +24,7 @@ _SEEN = 10.0
 _SURELY_SEEN = 1e-3  #: Probability of chance below which what unseen rows refute is something all the same.
 _OFF, _SURELY = 0.25, 3.0  #: Part by which sizes differ that are another, and standard errors by which they are surely.
 HARM = 1.05  #: Times the unseen error: names that leave more are no help there.
+TRIFLE = 0.02  #: Of what the largest effect explains; of the mismatch, for a fault that unseen rows do not bear out.
 LEAST = 0.005  #: Of the mismatch: what is smaller is not named unless held-out rows bear it out.
 SUSPECTED = 0.5  #: What is left of a confidence that another programme does not bear out.
 _BORNE_OUT = 0.75  #: Mean square of unseen rows that a name leaves, in parts of that without it.
@@ -104,6 +105,19 @@ def surely_refuted(comparison: Comparison, found: Search) -> list[Structure]:
             size = float(np.sqrt(max(fall, 0.0)))
             surely.append(of_whole_record("refuted", comparison, standing.main, size, standing.p_value))
     return surely
+
+
+def worth_naming(comparison: Comparison, found: Search) -> Search:
+    """Without effects that are a trifle beside the largest: shapes are not exact to the last percent.
+
+    In noise that wanders, the mean square hardly falls by what is quick and sure; how large its course is counts, too.
+    Nor what is a trifle beside the mismatch and gains nothing on held-out rows, where it ought to.
+    """
+    named = {id_: named_effect(comparison, found, id_) for id_ in found.named}
+    least = TRIFLE * max((effect.share for effect in named.values()), default=0.0)
+    sizes = {id_: max(effect.share, part_of(found, effect)) for id_, effect in named.items()}
+    worth = {id_ for id_, size in sizes.items() if size >= least}
+    return found.only({id_ for id_ in worth if sizes[id_] >= LEAST or not confirmation(found, id_).refutes})
 
 
 def only_cancels(effect: NamedEffect, found: Search) -> bool:
