@@ -57,6 +57,34 @@ def test_shares_are_those_of_least_squares(is_shifted):
         assert share == pytest.approx(min(here, there), abs=1e-6)
 
 
+def test_a_shape_explains_what_it_does_between_its_bounds():
+    bench, _ = bench_of(missing_memory(0, 3.0), "Z", catalogue())
+    shapes = _Shapes(bench)
+    rows = np.arange(3 * N)
+    told = dict(zip(shapes.numbers, shapes.shares(rows), strict=True))
+    v = max((one for one in told if bench.counts[one] == 1), key=lambda one: told[one])
+    column, target, fitted = bench.raw(v), bench.target, bench.fitted
+    assert told[v] > 0.2
+    base = np.column_stack([bench.nuisance, column])
+    scale = float(bench.scales[bench.candidates[v].columns][0])
+    half = 0.5 * np.linalg.lstsq(base[fitted], target[fitted], rcond=None)[0][-1]
+    bounds = ((min(half / scale, 0.0), max(half / scale, 0.0)),)
+    bounded = [
+        replace(one, variant=replace(one.variant, bounds=bounds)) if k == v else one
+        for k, one in enumerate(bench.candidates)
+    ]
+    of = dict(zip(shapes.numbers, _Shapes(replace(bench, candidates=bounded)).shares(rows), strict=True))[v]
+
+    def left(values):
+        return values - bench.nuisance @ np.linalg.lstsq(bench.nuisance[fitted], values[fitted], rcond=None)[0]
+
+    plain, after = left(target), left(target - half * column[:, 0])
+    here = 1.0 - np.mean(after[fitted] ** 2) / np.mean(plain[fitted] ** 2)
+    there = 1.0 - np.mean(after[~fitted] ** 2) / min(np.mean(plain[~fitted] ** 2), np.mean(target[~fitted] ** 2))
+    assert of == pytest.approx(min(here, there), abs=1e-6)
+    assert of < told[v]
+
+
 def test_shapes_that_stand_in_every_run_are_the_same_at_any_time_and_are_not_asked():
     bench, _ = bench_of(missing_memory(0, 3.0), "Z", catalogue())
     v = _Shapes(bench).numbers[0]

@@ -205,8 +205,7 @@ def not_ruinous(comparison: Comparison, found: Search) -> Search:
         if not ruined:
             return found
         _, id_, response = min(ruined)
-        other = _next_best(found, id_, response)
-        if other is not None:
+        if (other := _next_best(found, id_, response)) is not None:
             found = replace(found, named={**found.named, id_: {**found.named[id_], response: other}})
             continue
         rest = {name: v for name, v in found.named[id_].items() if name != response}

@@ -125,16 +125,16 @@ class _Shapes:
         # what stands in every run is the same at any time
         self.numbers = [v for v, size in sizes.items() if size <= _WIDEST and moves(bench.raw(v)[some])]
         self._x = np.column_stack([np.empty((len(self.runs), 0)), *(bench.raw(v)[some] for v in self.numbers)])
+        self._limits = np.vstack([np.empty((0, 2)), *(bench.bounds[bench.candidates[v].columns] for v in self.numbers)])
         widths = np.array([sizes[v] for v in self.numbers], dtype=np.intp)
-        starts, products = np.cumsum(widths) - widths, [np.empty((len(self.runs), 0))]
-        #: shapes of as many columns: which they are, and their columns (n, size)
-        self._alike: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
+        starts = np.cumsum(widths) - widths
+        #: shapes of as many columns: which they are, their columns (n, size), and products of these (n_rows, n × size²)
+        self._alike: list[tuple[NDArray[np.intp], NDArray[np.intp], Matrix]] = []
         for size in np.unique(widths).tolist():
             shapes = np.flatnonzero(widths == size)
             at = starts[shapes, None] + np.arange(size)
-            self._alike.append((shapes, at))
-            products.append((self._x[:, at, None] * self._x[:, at][:, :, None]).reshape(len(self._x), -1))
-        self._squares = np.column_stack(products)
+            products = (self._x[:, at, None] * self._x[:, at][:, :, None]).reshape(len(self._x), -1)
+            self._alike.append((shapes, at, products))
         seen = np.isfinite(bench.target[some])
         fitted = bench.fitted[some]
         target = np.where(seen, bench.target[some], 0.0)
@@ -156,21 +156,19 @@ class _Shapes:
         Row `rows`[k] of what is to be explained lies beside row k of the shapes.
         """
         here, there = self._x.T @ self._of_fitted[rows], self._x.T @ self._of_unseen[rows]
-        squares = self._squares.T @ self._rows[rows]
-        slope, along = here[:, :-1], here[:, -1]
         own, with_left = self._own_unseen[:-1, :-1], self._own_unseen[:-1, -1]
         found = np.empty(len(self.numbers))
-        first = 0
-        for shapes, at in self._alike:
-            last = first + at.size * at.shape[1]
-            gram, gram_unseen = squares[first:last].T.reshape(2, *at.shape, at.shape[1])
-            first, z, aim = last, slope[at], along[at]
+        for shapes, at, products in self._alike:
+            gram, gram_unseen = (products.T @ self._rows[rows]).T.reshape(2, *at.shape, at.shape[1])
+            z, aim = here[at, :-1], here[at, -1]
             across = z.swapaxes(1, 2)
-            beta = (np.linalg.pinv(gram - z @ across, rcond=1e-8, hermitian=True) @ aim[:, :, None])[:, :, 0]
+            gram = gram - z @ across
+            beta = (np.linalg.pinv(gram, rcond=1e-8, hermitian=True) @ aim[:, :, None])[:, :, 0]
+            beta = np.clip(beta, self._limits[at, 0], self._limits[at, 1])
             cross = there[at, :-1] @ across
             gram_unseen = gram_unseen - cross - cross.swapaxes(1, 2) + z @ own @ across
             gained = 2.0 * np.sum(beta * (there[at, -1] - z @ with_left), axis=1)
             after = self._own_unseen[-1, -1] - gained + np.einsum("ki,kij,kj->k", beta, gram_unseen, beta)
-            explained = np.sum(beta * aim, axis=1) / self._before
+            explained = (2.0 * np.sum(beta * aim, axis=1) - np.einsum("ki,kij,kj->k", beta, gram, beta)) / self._before
             found[shapes] = np.minimum(explained, 1.0 - after / self._before_unseen)
         return found

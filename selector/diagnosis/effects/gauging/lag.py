@@ -1,6 +1,7 @@
 """`gauging.lag`: the gauge or its filter is late."""
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +24,7 @@ from selector.types import Vector
 _UM_PER_S = {"feed_rate": 1000.0 / 60.0, "velocity": 1e6}  #: Canonical unit of the role in µm/s.
 _SPAN_S = (0.005, 1.0)
 _READINGS = ("force", "current", "voltage", "flow", "velocity")
+_AS_A_WHOLE = ((0.4, 2.5),)  #: Times the reading: what trails in a small part is a time constant that is a little off.
 _JUMP = 0.3  #: Share of the range of a reading that no feed goes through between two samples.
 
 
@@ -40,11 +42,11 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     jumps = np.flatnonzero(steps > _JUMP * float(np.ptp(simulated)))
     for tau_s in _lags_s(comparison, response):
         late = lagged(comparison, simulated, tau_s, settled=True) - simulated
-        shape = {"tau_s": Quantity(tau_s, "s")}
-        yield Variant(late[:, None], (f"reading {tau_s:.3g} s late",), shape)
+        trailing = partial(Variant, shape={"tau_s": Quantity(tau_s, "s")}, bounds=_AS_A_WHOLE)
+        yield trailing(late[:, None], (f"reading {tau_s:.3g} s late",))
         if len(jumps):
             anew = _late_anew(comparison, simulated, jumps, tau_s)
-            yield Variant(anew[:, None], (f"reading {tau_s:.3g} s late, anew on every part",), shape)
+            yield trailing(anew[:, None], (f"reading {tau_s:.3g} s late, anew on every part",))
     for name, rate_um_per_s in feeds.items():
         for tau_s in (0.0, *_lags_s(comparison, response)[2::3]):
             column = -lagged(comparison, rate_um_per_s, tau_s)

@@ -113,8 +113,7 @@ def _of_least_squares(
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": _NEAR, "fatol": np.inf, "maxfev": _MOST_TRIED},
     )
-    frequency_hz, damping = np.exp(found.x).tolist()
-    return frequency_hz, damping
+    return float(np.exp(found.x[0])), float(np.exp(found.x[1]))
 
 
 def _variant(
