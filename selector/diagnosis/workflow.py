@@ -448,11 +448,12 @@ def _off_in_unseen(state: _State) -> _State:
     """Where nothing else is found: what unseen rows speak against is structure that nothing explains."""
     if state.effects or state.structures:
         return state
-    found = state.search
+    found = state.search.only(set())
+    if state.search.named:
+        state = _recalibrated(replace(state, search=found))
     off = {name: contradicted(bench, state.again[name]) for name, bench in found.benches.items()}
     unlike = (of_whole_record("unlike", state.comparison, name, off[name], 0.0) for name in off if off[name])
-    said = (*state.refuted, *unlike)
-    of_size = [one for one in said if not is_small(state.comparison, found, one.channel, one.size)]
+    of_size = [one for one in (*state.refuted, *unlike) if not is_small(state.comparison, found, one.channel, one.size)]
     return replace(state, structures=of_size)
 
 

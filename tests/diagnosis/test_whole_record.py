@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.naming import whole_record_effect
 from selector.diagnosis.evidence.recalibration import Recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import bench_of
-from tests.diagnosis.made import comparison
+from selector.diagnosis.workflow import _STAGES, _Asked, _named, _off_in_unseen, _recalibrated, _State
+from tests.diagnosis.made import coloured, comparison
 
 
 def recalibrated(*, error: float = 0.002, **values: float) -> Recalibrated:
@@ -54,3 +56,18 @@ def test_a_gain_that_leaves_most_of_the_mismatch_is_half_sure(share, is_sure):
     again = {"Z": replace(recalibrated(gain=1.05), share=share)}
     told = whole_record_effect(made, {"Z": bench_of(made, "Z", ())[0]}, again, "data.gain", {"Z": "gain"})
     assert (told.confidence > 0.5) == is_sure
+
+
+def test_what_unseen_rows_speak_against_is_asked_without_what_is_no_name():
+    made = comparison({"Z": coloured("ar", 1800, np.random.default_rng(5))})
+    state = _State(made, _Asked(0, 0.02, catalogue(), lambda done, total, text: None))
+    for stage in _STAGES[: _STAGES.index(_named)]:
+        state = stage(state)
+    state = replace(state, effects=(), structures=(), search=replace(state.search, named={}))
+    drift = next(v for v, one in enumerate(state.search.benches["Z"].candidates) if one.effect.id == "data.drift")
+    alone = _recalibrated(state)
+    beside = _recalibrated(replace(state, search=replace(state.search, named={"data.drift": {"Z": drift}})))
+    assert beside.again["Z"].share != alone.again["Z"].share
+    told = _off_in_unseen(beside)
+    assert told.search.named == {}
+    assert told.again["Z"].share == alone.again["Z"].share
