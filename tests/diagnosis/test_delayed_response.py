@@ -131,3 +131,68 @@ def test_a_force_that_follows_with_a_lag_is_named():
     (effect,) = diagnosis(asked).effects
     assert effect.id == "gauging.lag"
     assert effect.parameters["tau_s"].value == pytest.approx(1.0, rel=0.2)
+
+
+def of_forces(simulated: np.ndarray, recorded: np.ndarray) -> Comparison:
+    """Three runs of a force, shapes (3, n), at 100 Hz, the last one not fitted."""
+    runs, n = simulated.shape
+    return Comparison(
+        runs=("r1", "r2", "r3"), starts=(0, n, 2 * n, 3 * n), time_s=np.tile(0.01 * np.arange(n), runs),
+        channels=(Channel("F", "force", "N"),), recorded={"F": recorded.ravel()}, simulated={"F": simulated.ravel()},
+        responses=("F",), held_out=np.arange(runs * n) >= 2 * n,
+    )  # fmt: skip
+
+
+def delay_samples(asked: Comparison) -> float:
+    """The delay that recalibration finds."""
+    fitted = ~asked.held_out
+    columns, names = recalibration_columns(asked, "F", fitted)
+    found = least_squares(columns[fitted], asked.difference("F")[fitted])
+    return float(found[names.index("delay")]) / asked.period_s
+
+
+@pytest.mark.parametrize(("period", "samples"), [(12.4, 1.5), (18.4, 6.0), (150.0, 20.0)])
+def test_the_delay_of_a_course_that_comes_back_is_short_and_does_not_turn_it_round(period, samples):
+    angle = 2.0 * np.pi * np.arange(400) / period + np.array([[0.4], [2.9], [5.1]])
+    late_by = 2.0 * np.pi * samples / period
+    simulated, recorded = (
+        np.sin(phase) + 0.3 * np.sin(3.0 * phase + 1.3 + np.array([[0.0], [1.0], [2.0]]))
+        for phase in (angle, angle - late_by)
+    )
+    noise = 0.01 * np.random.default_rng(1).standard_normal(recorded.shape)
+    assert delay_samples(of_forces(simulated, recorded + noise)) == pytest.approx(samples, rel=0.1)
+
+
+def test_a_long_delay_of_a_quick_course_is_found():
+    rng = np.random.default_rng(2)
+    simulated = lfilter([1.0], [1.0, -0.4], rng.standard_normal((3, 600)))
+    recorded = late(simulated.ravel(), 61.0).reshape(3, -1) + 0.01 * rng.standard_normal((3, 600))
+    assert delay_samples(of_forces(simulated, recorded)) == pytest.approx(61.0, abs=0.5)
+
+
+def switched(rng: np.random.Generator, tau: float, n: int = 400) -> np.ndarray:
+    """Three runs of levels behind a time constant [samples], shape (3, n)."""
+    levels = np.repeat(rng.choice([-1.0, -0.5, 0.0, 0.5, 1.0], 3 * n // 40), 40).reshape(3, n)
+    keep = np.exp(-1.0 / tau)
+    return lfilter([1.0 - keep], [1.0, -keep], levels)
+
+
+def test_a_delay_is_found_under_noise_as_large_as_what_it_makes_and_no_lag_is_taken_for_one():
+    rng = np.random.default_rng(4)
+    simulated = switched(rng, 6.0)
+    delayed = late(simulated.ravel(), 20.0).reshape(3, -1)
+    noise = np.std(delayed - simulated) * rng.standard_normal(simulated.shape)
+    assert delay_samples(of_forces(simulated, delayed + noise)) == pytest.approx(20.0, rel=0.05)
+    keep = np.exp(-1.0 / 20.0)
+    lagged = lfilter([1.0 - keep], [1.0, -keep], simulated)
+    noise = 0.3 * np.std(lagged - simulated) * rng.standard_normal(simulated.shape)
+    (effect,) = diagnosis(of_forces(simulated, lagged + noise)).effects
+    assert effect.id == "gauging.lag"
+
+
+@pytest.mark.parametrize("off", [0.95, 1.02])
+def test_a_time_constant_that_is_a_little_off_is_no_lag(off):
+    for seed in range(3):
+        simulated, true = (switched(np.random.default_rng(seed), tau) for tau in (10.0, 10.0 * off))
+        noise = 0.005 * np.std(simulated) * np.random.default_rng(seed).standard_normal(true.shape)
+        assert "gauging.lag" not in [effect.id for effect in diagnosis(of_forces(simulated, true + noise)).effects]

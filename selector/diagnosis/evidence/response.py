@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import minimum_filter1d
 from scipy.optimize import minimize_scalar
 
 from selector.diagnosis.comparison import Comparison
@@ -23,13 +24,13 @@ from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import by_run, rate
 from selector.types import Matrix, Vector
 
-_BLOCKS = 24
+_BLOCKS, _ROUNDS = 24, 4
 _CHANGES = 0.1  #: Of a course: what differs between cycles by less is taken to come back with them.
 _HIGHEST = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
-_ROUNDS = 4
-_FEW_SAMPLES, _LESS, _CLEARLY_LESS = 2.0, 0.5, 0.25
-_SHIFTS = np.geomspace(_FEW_SAMPLES, 100.0, 15)  #: Samples that a course is late by in a first look.
-_NEAR = 1e-2  #: Samples that a delay is told to.
+_FEW_SAMPLES, _LESS, _CLEARLY_LESS = 2.0, 0.75, 0.15
+_SHIFTS = np.arange(-100.0, 101.0)  #: Samples that a course is late by in a first look.
+#: Samples that a delay is told to; delays that are looked at closely; times the least that one of them leaves.
+_NEAR, _MOST_TRIED, _AS_LITTLE = 1e-2, 20, 1.1
 #: Gain, and delay in samples: a simulation that would need more to move as much as the mismatch does stands still.
 _MOST = 1e6
 #: Candidates that are whitened together: one by one the calls take longer than the numbers, all at once need memory.
@@ -413,21 +414,19 @@ def _delayed(comparison: Comparison, response: str, simulated: Vector, fitted: N
     of many samples has to leave clearly less beside noise than the derivative, or a lag would be exchanged for it.
     """
     slope, difference = -rate(comparison, simulated), comparison.difference(response)[fitted]
+    known = np.column_stack([np.ones(len(simulated)), simulated])
     # a thermometer that is late by more has a clock of its own, which is a fault and no calibration
-    if comparison.channel(response).role != "temperature":
-        delay_s = _long_delay(comparison, response, simulated, fitted)
-        if delay_s:
-            column = (_late_by(comparison, simulated, delay_s) - simulated) / delay_s
-            known = np.column_stack([np.ones(len(simulated)), simulated])[fitted]
-            by_slope, late = (
-                _beside(np.column_stack([known, one[fitted]]), difference) ** 2 for one in (slope, column)
-            )
-            noise = min(float(np.mean(np.convolve(difference, _HIGHEST, mode="valid") ** 2)), late)
-            if late < _LESS * by_slope and late - noise < _CLEARLY_LESS * (by_slope - noise):
-                return column
+    is_thermometer = comparison.channel(response).role == "temperature"
+    delay_s = 0.0 if is_thermometer else _long_delay(comparison, response, simulated, fitted)
+    if delay_s:
+        column = (_late_by(comparison, simulated, delay_s) - simulated) / delay_s
+        by_slope, late = (_beside(np.column_stack([known, one])[fitted], difference) ** 2 for one in (slope, column))
+        noise = min(float(np.mean(np.convolve(difference, _HIGHEST, mode="valid") ** 2)), late)
+        if late < _LESS * by_slope and late - noise < _CLEARLY_LESS * (by_slope - noise):
+            return column
     column = slope
     for _ in range(_ROUNDS):
-        columns = np.column_stack([np.ones(len(simulated)), simulated, column])
+        columns = np.column_stack([known, column])
         delay_s = float(least_squares(columns[fitted], difference)[-1])
         if not 1e-3 < abs(delay_s) / comparison.period_s < _FEW_SAMPLES:
             return slope
@@ -436,20 +435,22 @@ def _delayed(comparison: Comparison, response: str, simulated: Vector, fitted: N
 
 
 def _long_delay(comparison: Comparison, response: str, simulated: Vector, fitted: NDArray[np.bool_]) -> float:
-    """The delay [s] of samples whose course, with a gain and an offset, leaves least; 0 where a part of one does."""
+    """The shortest delay [s] of those that leave least beside a gain above 0; 0 where a part of a sample does."""
     recorded = comparison.difference(response)[fitted] + simulated[fitted]
 
     def left(samples: float) -> float:
         def late(time: Vector, part: Vector) -> Vector:
             return np.interp(time - samples * comparison.period_s, time, part) if len(time) else part
 
-        course = by_run(comparison, late, comparison.time_s, simulated)
-        return _beside(np.column_stack([np.ones(len(recorded)), course[fitted]]), recorded)
+        (own, along), (_, whole) = np.cov(by_run(comparison, late, comparison.time_s, simulated)[fitted], recorded)
+        return float(whole - max(along, 0.0) ** 2 / own if own > 0.0 else whole)
 
-    tried = np.r_[-_SHIFTS[::-1], 0.0, _SHIFTS]
-    best = int(np.argmin([left(samples) for samples in tried]))
-    around = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
-    samples = float(minimize_scalar(left, bounds=around, method="bounded", options={"xatol": _NEAR}).x)
+    squares = np.array([left(samples) for samples in _SHIFTS])
+    lowest = np.flatnonzero(squares == minimum_filter1d(squares, 3))
+    near = _SHIFTS[lowest[np.argsort(squares[lowest])[:_MOST_TRIED]]]
+    told = [minimize_scalar(left, bounds=(at - 1.0, at + 1.0), options={"xatol": _NEAR}) for at in near]
+    as_little = _AS_LITTLE * min((one.fun for one in told), default=0.0)
+    samples = min((float(one.x) for one in told if one.fun <= as_little), key=abs, default=0.0)
     return samples * comparison.period_s if abs(samples) > 1.0 else 0.0
 
 
