@@ -214,8 +214,8 @@ def clock_jumps(survey: Survey) -> Iterator[Finding]:
         long = [k for k in np.flatnonzero(steps > limit) if k not in leaps] if steps.size >= 4 else []
         if long:
             windows = [(float(time[k]), float(time[k + 1])) for k in long]
-            advice = f"To every command these are {len(cuts) + 1} runs, {run} 1 to {run} {len(cuts) + 1}, each counted "
-            advice += "from its own start: in more than an hour the gauge may have been set to zero."
+            advice = f"To all commands but diagnose and convert these are {len(cuts) + 1} runs, {run} 1 to {run} "
+            advice += f"{len(cuts) + 1}, each from its own start: in an hour the gauge may have been set to zero."
             yield _gap(windows, usual, Where(None, run), "No rows are recorded", advice if cuts else None)
 
 
