@@ -7,7 +7,7 @@ from typing import Any
 
 import dash
 import flask
-from dash import ClientsideFunction, Input, Output, State, dcc, html, no_update
+from dash import ClientsideFunction, Input, Output, State, dcc, html
 from dash.development.base_component import Component
 
 from selector import __version__
@@ -99,25 +99,19 @@ def _register(app: dash.Dash, bench: Bench) -> None:
 
     app.clientside_callback(ClientsideFunction("workbench", "awaits"), Input(parts.AWAITED, "data"))
 
+    # no Outputs: what hears of the revision would wait for this call, and be dropped where it changes nothing
     @app.callback(
-        Output(parts.REVISION, "data"),
-        Output("tick", "data"),
-        Output("status", "children"),
         Input("look", "data"),
         State(parts.REVISION, "data"),
         State("tick", "data"),
-        # otherwise the first calls of all that hear of the revision would wait for this one, and be dropped with it
         prevent_initial_call=True,
     )
-    def _look(_: int | None, revision: int, tick: int) -> tuple[Any, Any, Any]:
-        now = 2 * bench.jobs.ticks + bench.is_reading
-        if bench.revision == revision and now == tick:
-            raise dash.exceptions.PreventUpdate
-        return (
-            no_update if bench.revision == revision else bench.revision,
-            now,
-            no_update if now == tick else _status(bench),
-        )
+    def _look(_: int | None, revision: int, tick: int) -> None:
+        if bench.revision != revision:
+            parts.tell(bench)
+        if (now := 2 * bench.jobs.ticks + bench.is_reading) != tick:
+            dash.set_props("tick", {"data": now})
+            dash.set_props("status", {"children": _status(bench)})
 
     @app.callback(
         Output("command", "children"),

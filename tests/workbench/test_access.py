@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from selector.workbench import study_folder
 from selector.workbench.access import TOKEN, Access
 from selector.workbench.bench import Bench
 from selector.workbench.page import page
+from selector.workbench.parts import REVISION
 
 PORT = 8123
 OWN = f"http://127.0.0.1:{PORT}"
@@ -306,3 +308,11 @@ def test_a_malformed_request_is_answered_in_one_line_and_nothing_is_told_as_a_de
         assert answer.mimetype == "text/plain"
         assert answer.text.count("\n") == 1
     assert caplog.text == ""
+
+
+def test_what_hears_of_the_revision_waits_for_no_callback(tmp_path, access):
+    """Dash would drop the call where the other one changes nothing, and the page would show what was."""
+    callbacks = page(Bench(tmp_path.resolve()), access).callback_map
+    writers = [key for key in callbacks if re.search(rf"\b{REVISION}\.data\b", key)]
+    assert any(one["id"] == REVISION for entry in callbacks.values() for one in entry["inputs"])
+    assert writers == []
