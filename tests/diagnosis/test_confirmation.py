@@ -159,6 +159,17 @@ def test_a_name_beside_structure_that_is_left_is_as_sure_as_what_it_surely_carri
     assert effect.confidence == pytest.approx(sure, abs=0.02)
 
 
+@pytest.mark.parametrize(("surely_closed", "sure"), [(0.2, 0.5), (0.6, 0.6), (0.95, 0.75)])
+def test_a_doubted_name_is_as_sure_as_what_it_surely_closes_from_a_half_to_three_quarters(slow, surely_closed, sure):
+    made, result = found(slow, 1.0)
+    doubted = replace(result, doubted=frozenset(result.named))
+    closed = {id_: Quantity(0.95, "1", surely_closed, 1.0) for id_ in result.named}
+    effect = named_effect(made, replace(doubted, closed=closed), "thermal.memory")
+    assert effect.share > 0.75
+    assert effect.confidence == pytest.approx(sure)
+    assert named_effect(made, doubted, "thermal.memory").confidence == 0.5
+
+
 def test_nothing_is_said_where_nothing_was_seen(slow):
     _, result = found(slow, 1.0)
     bench = result.benches["Z"]

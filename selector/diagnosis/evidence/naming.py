@@ -96,7 +96,7 @@ def _next(grid: Sequence[float], value: float, step: int) -> float:
 
 
 _UNCHECKED = 0.9  #: What is left of a confidence that nothing held out could bear out.
-#: How sure a doubted name, or what is only seen, too, is at most; and, where structure is left, one that carries
+#: How sure what is only seen, too, is at most; and, where structure is left, or the name is doubted, one that carries
 #: nothing to unseen rows: surer the more it surely carries.
 _HALF = 0.5
 _GUESS = 0.1  #: Confidence below which a name says next to nothing.
@@ -141,7 +141,9 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         confidence = min(confidence, _HALF + _HALF * carried, found.ahead.get(id_, 1.0))
     confidence = float(np.interp(confidence, *_RIGHT))
     if id_ in found.doubted:
-        confidence = min(confidence, _HALF)
+        # what surely closes more than half of the gap on unseen rows is right more often than that
+        surely = 0.0 if gap is None or gap.low is None else min(gap.low, share)
+        confidence = min(confidence, float(np.clip(surely, _HALF, _OFTEN)))
     if gap is not None and gap.high is not None and (share < MOST_OF_IT or id_.startswith("data.")):
         # no surer than the names are shown to carry on unseen rows
         confidence = min(confidence, gap.high)
