@@ -101,10 +101,7 @@ def _register(app: dash.Dash, bench: Bench) -> None:
 
     # no Outputs: what hears of the revision would wait for this call, and be dropped where it changes nothing
     @app.callback(
-        Input("look", "data"),
-        State(parts.REVISION, "data"),
-        State("tick", "data"),
-        prevent_initial_call=True,
+        Input("look", "data"), State(parts.REVISION, "data"), State("tick", "data"), prevent_initial_call=True
     )
     def _look(_: int | None, revision: int, tick: int) -> None:
         if bench.revision != revision:
