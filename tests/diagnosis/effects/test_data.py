@@ -255,6 +255,19 @@ def test_a_start_that_the_simulation_makes_a_little_early_freezes_no_sensor(earl
     assert len(frozen_stretches(counted, "Z")) == frozen
 
 
+@pytest.mark.parametrize(("early", "frozen"), [(3, 0), (40, 1)])
+def test_a_speed_that_is_0_until_it_follows_a_little_late_is_at_rest(early, frozen):
+    """Noise is gone meanwhile, as of a machine that stands; the simulation starts in the last rows, or goes on."""
+    comparison = comparison_with(only("Z", None, lambda _, x: x), noise_um=0.3)
+    rows, simulated = slice(100, 146), comparison.simulated["Z"].copy()
+    comparison.recorded["Z"][rows] = 0.0
+    simulated[rows] = 0.0
+    simulated[146 - early : 146] = np.linspace(0.0, 0.9 * np.ptp(simulated), early)
+    speeds = [dataclasses.replace(one, role="velocity", unit="m/s") for one in comparison.channels]
+    moving = dataclasses.replace(comparison, channels=tuple(speeds), simulated=comparison.simulated | {"Z": simulated})
+    assert len(frozen_stretches(moving, "Z")) == frozen
+
+
 def test_readings_that_return_to_a_limit_are_not_frozen():
     comparison = comparison_with(only("Z", None, lambda _, x: x), noise_um=0.001)
     comparison.recorded["Z"] = np.minimum(comparison.recorded["Z"], 15.0)

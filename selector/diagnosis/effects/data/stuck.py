@@ -81,9 +81,12 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
     for run, first, last in still:
         length = last - first + 1
         part = simulated[first : last + 1]
-        moved = float(np.nanmax(part) - np.nanmin(part)) if np.isfinite(part).any() else 0.0
+        moved = mostly = 0.0
+        if np.isfinite(part).any():
+            # what it does in the last rows alone may be a start that comes a little early
+            moved, mostly = float(np.nanmax(part) - np.nanmin(part)), float(np.ptp(np.nanquantile(part, _MOST_OF_IT)))
         rests = comparison.channel(response).role in _RESTING and abs(recorded[first]) < _OF_SPAN * span
-        if at_ends.count(recorded[first]) > 1 or (rests and moved < _AT_REST * span):
+        if at_ends.count(recorded[first]) > 1 or (rests and mostly < _AT_REST * span):
             continue
         silent = len(recorded) * chance ** (length - 1) < _SURE
         silent |= (run, first, last) in dead and moved > max(_STEPS * resolution, _DEAD * span)
@@ -91,9 +94,7 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
             continue
         least = max(_STEPS * resolution, _OF_SPAN * span, 1e-12 * max(abs(low), abs(high)))
         if silent or moved > least:
-            # what it does in the last rows alone may be a start that comes a little early
-            is_sure = silent or float(np.ptp(np.nanquantile(part, _MOST_OF_IT))) > least
-            found.append((length, run, first, last, is_sure))
+            found.append((length, run, first, last, silent or mostly > least))
     if len(found) > _USUAL * len(comparison.runs):
         # a coarse reading dwells by nature
         return []
