@@ -26,6 +26,7 @@ from benchmarks.real.rigs import (
     rosa,
     second,
     servo_play,
+    sixth,
     station,
     telescope,
     third,
@@ -61,5 +62,5 @@ _RIGS = (
 
 CASES: tuple[RealCase, ...] = (
     *(case for rig in _RIGS for case in rig.CASES), *second.CASES, *third.CASES, *fourth.CASES,
-    *fifth.CASES,
+    *fifth.CASES, *sixth.CASES,
 )  # fmt: skip
