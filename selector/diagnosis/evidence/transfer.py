@@ -28,6 +28,7 @@ _SHIFTS, _MOST_ROWS = 60, 8_000
 _WIDEST = 3  #: Coefficients of a shape, at most.
 _LEAST = 0.2  #: Of the mean square of fitted and of unseen rows. Of names that explain less, few are right.
 _BEYOND, _MORE = 1.25, 0.03  #: Times the most that a shape at a wrong time explains, and so much more.
+_LEAVES = 0.4  #: Of what that leaves: enough where it explains most, as of all that rings.
 #: Of the spread of the readings: what recalibration leaves, below which any wrong course explains a part of it.
 _MATTERS = 0.12
 _AS_GOOD, _MOST_ALIKE = 0.6, 3
@@ -49,9 +50,10 @@ def borne_out(comparison: Comparison, found: Search, *, seed: int) -> Search:
         # what recalibration takes, as viscous friction, is not tested
         shares = {id_: one for id_, one in shares.items() if id_ in found.standing and id_ not in bench.own}
         told[name] = (shares, by_chance, left)
+        most = float(by_chance.max())
+        beyond = min(_BEYOND * most + _MORE, 1.0 - _LEAVES * (1.0 - most))
         for id_, (share, _) in shares.items():
-            chance = 0.0 if id_ in _AT_ANY_TIME else _BEYOND * by_chance.max() + _MORE
-            if share > max(_LEAST, chance, best[0]):
+            if share > max(_LEAST, 0.0 if id_ in _AT_ANY_TIME else beyond, best[0]):
                 best = (share, id_, name)
     share, id_, name = best
     if not id_:
