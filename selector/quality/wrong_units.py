@@ -8,7 +8,15 @@ import numpy as np
 from selector.findings import Finding, Where
 from selector.quality.finding_table import FINDINGS
 from selector.quality.siblings import Relations, relations_of
-from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference, medians_of_others, reading
+from selector.quality.survey import (
+    THERMAL_ROLES,
+    Floats,
+    Survey,
+    difference,
+    medians_of_others,
+    present_median,
+    reading,
+)
 from selector.units import parse_unit
 
 
@@ -87,6 +95,10 @@ def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
             return
     suspects: list[tuple[int, int, Mistake, float, str]] = []
     in_others = np.apply_along_axis(medians_of_others, 1, level)
+    # most runs may have the mistake: where no channel begins in a room, the runs tell it that do
+    is_odd = (level < _ROOM_C[0]) | (level > _ROOM_C[1])
+    odd_runs = (is_odd | np.isnan(level)).all(axis=0) & (is_odd.sum(axis=0) > 1)
+    in_others[:, odd_runs] = np.apply_along_axis(present_median, 1, np.where(odd_runs, np.nan, level))[:, np.newaxis]
     # one other channel may be a colder part
     count = np.isfinite(level).sum(axis=0) - np.isfinite(level)
     beside = np.where(count >= 2, np.apply_along_axis(medians_of_others, 0, level), np.nan)
@@ -177,8 +189,11 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
         told = False
         spans = medians_of_others(np.array([scales[run].span for run in usable])).tolist()
         floors = medians_of_others(np.array([scales[run].floor for run in usable])).tolist()
+        sound = [(one.span, one.floor) for run, one in scales.items() if run in usable and _is_usual(one.span)]
         for run, span, floor in zip(usable, spans, floors, strict=True) if len(usable) > 1 else ():
             here = scales[run]
+            if sound and not _is_usual(span):  # most runs have the mistake
+                span, floor = np.median(sound, axis=0).tolist()
             for mistake in (one for one in _LENGTH if _is_possible(survey, column, run, one)):
                 # the noise of a gauge does not depend on what the machine did, the span does
                 decade = abs(np.log10(mistake.gain)) > 2
@@ -187,7 +202,7 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
                 quiet, noisy, short, long = (0.25, 8, 0.05, 20) if decade else (0.6, 1.6, 0.2, 5)
                 fits = quiet < noise_off < noisy and short < span_off < long
                 # of two runs that differ, the implausible one is wrong
-                if fits and (len(usable) > 2 or (here.span < 0.5 if mistake.gain < 1 else here.span > 5000.0)):
+                if fits and (len(usable) > 2 or not _is_usual(here.span)):
                     told = True
                     yield FINDINGS.finding(
                         "wrong-unit",
@@ -219,6 +234,11 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
             f'If so, declare unit = "{mistake.unit}" for this channel in the machine file.',
             level="warning",
         )
+
+
+def _is_usual(span_um: float) -> bool:
+    """Whether a displacement moves by as much as those of machines do."""
+    return 0.5 <= span_um <= 5000.0
 
 
 def _is_possible(survey: Survey, column: int, run: str, mistake: Mistake) -> bool:

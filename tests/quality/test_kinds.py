@@ -441,8 +441,24 @@ def test_a_following_error_of_a_slow_run_is_not_called_mil(axis, is_told):
     time_s = np.arange(400.0)
     runs = {}
     for k, feed in enumerate((1.0, 25.4, 25.4, 25.4)):
-        way = np.sin(0.02 * time_s)
-        runs[f"f{k}"] = pd.DataFrame({"at": 0.1 * way, "E": 20.0 * feed * np.cos(0.02 * time_s)}, index=time_s)
+        way = np.sin(0.02 * time_s + k)
+        runs[f"f{k}"] = pd.DataFrame({"at": 0.1 * way, "E": 20.0 * feed * np.cos(0.02 * time_s + k)}, index=time_s)
     channels = [Channel("at", "position_command", "m", axis=axis), Channel("E", "displacement", "um", axis="X")]
     found = [one for one in inspect(Recording.from_runs(runs, channels)) if one.id == "wrong-unit"]
     assert [(one.where.channel, one.where.run) for one in found] == [("E", "f0")] * is_told
+
+
+@pytest.mark.parametrize("wrong", [1, 4, 5])
+def test_a_unit_that_is_wrong_in_most_runs_is_told_in_these(wrong):
+    time_s, draw, runs = 60.0 * np.arange(300), np.random.default_rng(4), {}
+    for k in range(6):
+        warm = 15.0 * (1.0 - np.exp(-time_s / 3000.0)) * draw.uniform(0.5, 1.5)
+        table = pd.DataFrame({"T1": 19.0 + k + warm, "T2": 19.0 + k + 0.5 * warm, "Z": 3.0 * warm}, index=time_s)
+        table += draw.normal(0, 0.05, table.shape)
+        runs[f"r{k}"] = table * [1.8, 1.8, 1e-3] + [32.0, 32.0, 0.0] if k < wrong else table
+    channels = [Channel(name, "temperature", "degC") for name in ("T1", "T2")] + [Channel("Z", "displacement", "um")]
+    found = [one for one in inspect(Recording.from_runs(runs, channels)) if one.id == "wrong-unit"]
+    told = {(one.where.channel, one.where.run): one.evidence["unit"] for one in found}
+    units = {"T1": "degF", "T2": "degF", "Z": "mm"}
+    assert told == {(name, f"r{k}"): unit for name, unit in units.items() for k in range(wrong)}
+    assert all(one.action == "leave-out-channel" for one in found)
