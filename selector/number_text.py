@@ -36,7 +36,9 @@ def span_text(seconds: float | None) -> str:
     """A time span in the unit that makes it readable, e.g. ``"1 h 30 min"``."""
     if seconds is None or not math.isfinite(seconds):
         return "–"
-    if abs(seconds) < 60:
+    if seconds < 0:
+        return f"−{span_text(-seconds)}"
+    if seconds < 60:
         return f"{seconds:.3g} s"
     minutes = round(seconds / 60)
     if minutes < 60:

@@ -47,7 +47,7 @@ def describe(
         progress("reading", None)
         reading = source.reading()
         progress("looking for faults", None)
-        clean, faults = usable(reading.recording, reading.origins)
+        clean, faults = usable(reading.recording)
     findings = (*reading.findings, *faults)
     description: dict[str, Any] = {**reading.description(), "drift": drift_of(clean), "findings": findings}
     if write is not None:

@@ -21,9 +21,9 @@ from selector.errors import OptionError, RecordingError, UnitError
 from selector.findings import Finding, Where
 from selector.models.design import datum_of
 from selector.models.run_before import Before, before_gauge, begun, chain_before, runs_before
+from selector.number_text import span_text
 from selector.quality import inspect, without_faults
 from selector.quality.finding_table import GAUGE_BEGINS_LATE
-from selector.quality.survey import duration
 from selector.recording import PARTS, SENSOR_ROLES, Recording, RunSource, at_pauses, thinned
 from selector.types import Array, Mask
 
@@ -247,8 +247,8 @@ def other_sampling(model: ModelFile, recording: Recording, *, is_guarded: bool =
         guess = ", which was only guessed here" if is_unit and is_guessed else ""
         yield FINDINGS.finding(
             "other-sampling",
-            f"Run {run} has a sample every {duration(period_s)}, the model was fitted on one every "
-            f"{duration(fitted_s)}: a factor of {ratio:.3g}.{doubt}{guess}{'.' if doubt else ''} "
+            f"Run {run} has a sample every {span_text(period_s)}, the model was fitted on one every "
+            f"{span_text(fitted_s)}: a factor of {ratio:.3g}.{doubt}{guess}{'.' if doubt else ''} "
             + (f"On the clock depend {rests_on}." if rests_on else "This model's answers do not depend on the clock."),
             Where(run=run),
             {"period_s": period_s, "fitted_period_s": fitted_s, "looks_like_unit": is_unit, "unit_guessed": is_guessed},

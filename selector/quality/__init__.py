@@ -5,24 +5,15 @@ a frozen stretch is not reported again as a step. Nothing is dropped in silence:
 what the findings name.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from selector.findings import Finding
 from selector.quality.bridging import bridged
 from selector.quality.broken_sensors import broken_sensors, frozen, out_of_range
-from selector.quality.completeness import (
-    clock_jumps,
-    empty_channels,
-    few_values,
-    file_copies,
-    gaps,
-    late_gauges,
-    short_runs,
-    starts,
-)
-from selector.quality.identity import duplicates, swapped
+from selector.quality.completeness import clock_jumps, empty_channels, few_values, gaps, late_gauges, short_runs, starts
+from selector.quality.identity import duplicates, shared_rows, swapped
 from selector.quality.jumps import spikes, steps
 from selector.quality.leave_out import StreamWithoutFaults, stretches, without_faults
 from selector.quality.siblings import leaving_group, relations_of, stuck_beside_siblings
@@ -30,7 +21,7 @@ from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units
 from selector.recording import Recording, at_pauses
 
-__all__ = ["StreamWithoutFaults", "bridged", "file_copies", "inspect", "stretches", "usable", "without_faults"]
+__all__ = ["StreamWithoutFaults", "bridged", "inspect", "stretches", "usable", "without_faults"]
 
 Check = Callable[[Survey], Iterator[Finding]]
 
@@ -42,6 +33,7 @@ def _copies_and_swaps(survey: Survey) -> Iterator[Finding]:
 
 _CHECKS: tuple[Check, ...] = (
     short_runs,
+    shared_rows,
     empty_channels,
     gaps,
     broken_sensors,
@@ -61,12 +53,12 @@ _CHECKS: tuple[Check, ...] = (
 )
 
 
-def usable(recording: Recording, origins: Mapping[str, tuple[str, str]]) -> tuple[Recording, tuple[Finding, ...]]:
-    """What a study uses of a recording, cut at pauses, lost readings filled in; what is wrong with it and its files.
+def usable(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
+    """What a study uses of a recording, cut at pauses, lost readings filled in; what is wrong with it.
 
-    `origins` as in `file_copies`. Raises RecordingError if nothing would be left.
+    Raises RecordingError if nothing would be left.
     """
-    faults = (*file_copies(origins), *inspect(recording))
+    faults = inspect(recording)
     used, lost = bridged(without_faults(recording, faults), recording)
     return at_pauses(used), (*faults, *lost)
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import erf
 
 from selector.findings import Finding, Where
+from selector.number_text import span_text
 from selector.quality.finding_table import FINDINGS
 from selector.quality.leave_out import WINDOWS
 from selector.quality.survey import (
@@ -19,7 +20,6 @@ from selector.quality.survey import (
     Series,
     Survey,
     difference,
-    duration,
     moment,
     reading,
     stretch,
@@ -341,7 +341,7 @@ def _frozen_in(
         yield FINDINGS.finding(
             "stuck",
             f"{channel.name} in run {run} is frozen at {reading(float(still.value[k]), channel)} for "
-            f"{duration(end - begin)}, {stretch(begin, end)}{', the end of the run' if to_end else ''}: "
+            f"{span_text(end - begin)}, {stretch(begin, end)}{', the end of the run' if to_end else ''}: "
             f"{int(still.length[k])} equal samples, although its noise elsewhere is {difference(noise, channel)}.",
             Where(channel.name, run, begin, end),
             {"samples": int(still.length[k]), "value": float(still.value[k]), "noise": noise, "resolution": quantum},

@@ -1,12 +1,13 @@
-"""Whether a recording is complete: samples, values, runs that are no copies, and time without gaps and leaps."""
+"""Whether a recording is complete: samples, values, and time without gaps and leaps."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Level, Where
+from selector.number_text import span_text
 from selector.quality.bridging import GAP_PERIODS
 from selector.quality.finding_table import FINDINGS, GAUGE_BEGINS_LATE
 from selector.quality.jumps import line_at
@@ -17,7 +18,6 @@ from selector.quality.survey import (
     Series,
     Survey,
     difference,
-    duration,
     medians_of_others,
     moment,
     present_median,
@@ -129,7 +129,7 @@ def late_gauges(survey: Survey) -> Iterator[Finding]:
             series, start = survey.series(run, column), float(survey.time[run][0])
             if is_late(series.rows[:1], series.time_s[:1] - start).any():
                 name, begin = survey.channels[column].name, float(series.time_s[0])
-                told = f"{name} has no value in the first {duration(begin - start)} of run {run}; a model of its rise "
+                told = f"{name} has no value in the first {span_text(begin - start)} of run {run}; a model of its rise "
                 told += "counts the run from its first value on."
                 where = Where(name, run, start, begin)
                 yield FINDINGS.finding(GAUGE_BEGINS_LATE, told, where, {"begins_s": begin}, level="info")
@@ -146,23 +146,6 @@ def _values(survey: Survey, run: str, column: int) -> np.ndarray:
     x = survey.series(run, column).x
     # a few values show in any part of a long run
     return np.unique(x) if survey.scale(run, column).distinct <= 64 else x[:64]
-
-
-def file_copies(origins: Mapping[str, tuple[str, str]]) -> Iterator[Finding]:
-    """Runs of a file that is there again under another name: leaving one out would prove nothing while its copy stays.
-
-    `origins` is run → file and its hash. Runs of one file, as the sheets of a workbook, are no copies.
-    """
-    first: dict[str, str] = {}
-    of_file: dict[str, list[str]] = {}
-    for run, (file, sha256) in origins.items():
-        of_file.setdefault(file, []).append(run)
-        same = of_file[first.setdefault(sha256, file)]
-        if same is not of_file[file]:
-            original = same[min(len(of_file[file]), len(same)) - 1]
-            told = f"Run {run} is the same file as run {original}; it is left out."
-            evidence = {"sha256": sha256, "original": original}
-            yield FINDINGS.finding("same-file-twice", told, Where(run=run), evidence, action="leave-out-run")
 
 
 _CLOCK_PERIODS = 10
@@ -203,7 +186,7 @@ def clock_jumps(survey: Survey) -> Iterator[Finding]:
                 because = f"{moving} channel(s) that were moving go on as if no time had passed"
             yield FINDINGS.finding(
                 "clock-jump",
-                f"The clock of run {run} leaps forward by {duration(leap)} at {moment(float(time[at]))}; {because}.",
+                f"The clock of run {run} leaps forward by {span_text(leap)} at {moment(float(time[at]))}; {because}.",
                 Where(None, run, float(time[at]), float(time[at + 1])),
                 {"leap_s": leap, "period_s": usual, "channels_moving": moving, "channels_continuous": agreeing},
                 f"If the clock was set, subtract {leap:g} s from the later time stamps; else split the run here. "
@@ -250,11 +233,11 @@ def _gap(
     total_s = float(np.sum(lengths))
     evidence: dict[str, object] = {"longest_s": lengths[longest], "total_s": total_s, "stretches": len(windows)}
     evidence |= {"period_s": usual, **samples}
-    many = f" for {duration(lengths[0])} from"
+    many = f" for {span_text(lengths[0])} from"
     if len(windows) > 1:
         evidence[WINDOWS] = [[a, b] for a, b in windows[:100]]
-        many = f" in {len(windows)} stretches, the longest {duration(lengths[longest])} from"
-    told = f"{said}{many} {moment(windows[longest][0])} of run {of.run} (usual period {duration(usual)})."
+        many = f" in {len(windows)} stretches, the longest {span_text(lengths[longest])} from"
+    told = f"{said}{many} {moment(windows[longest][0])} of run {of.run} (usual period {span_text(usual)})."
     where = replace(of, from_s=windows[0][0], to_s=windows[-1][1])
     level: Level = "warning" if lengths[longest] > LONG_PERIODS * usual else "info"
     return FINDINGS.finding("gap", told, where, evidence, advice, level=level)

@@ -1,9 +1,12 @@
-"""Whether every channel is itself: no copy of another one, and not in another one's place in some run."""
+"""Whether runs and channels are themselves: no copies of others, and no channel in another one's place in some run."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
 from selector.quality.finding_table import DUPLICATE_CHANNEL, FINDINGS
@@ -20,6 +23,49 @@ _TIMES, _TIMES_ALONE = 2.5, 5.0
 _CLEARLY = 1.5  #: By so much channels beside two exchanges that explain each other must prefer the one.
 #: Other runs from which it is first judged what mismatch is usual; a pair that passes is judged on all of them.
 _REFERENCES = 10
+
+_IN_A_ROW = 20  #: Rows that are the same in two runs, one after the other, and half of them new, are no accident.
+_ALL, _SOME = 0.9, 20  #: Share of its rows from which a run is part of another; so many that the two share are told.
+
+
+def shared_rows(survey: Survey) -> Iterator[Finding]:
+    """Findings ``same-file-twice`` and ``rows-in-two-runs``, for rows whose values are the same in all channels.
+
+    Left out in turn, such a run would be predicted from its own rows. O(samples).
+    """
+    of = [_stretches(survey.values[run]) for run in survey.runs]
+    keys, owners = np.concatenate(of), np.repeat(np.arange(len(of)), [len(one) for one in of])
+    order = np.argsort(keys, kind="stable")
+    keys, owners = keys[order], owners[order]
+    again = keys[1:] == keys[:-1]
+    pairs = np.column_stack([owners[:-1], owners[1:]])[again].tolist()
+    for (i, j), count in sorted(Counter(map(tuple, pairs)).items()):
+        part, whole = (i, j) if len(of[i]) < len(of[j]) else (j, i)
+        is_part = count >= _ALL * len(of[part])
+        if not is_part and count < _SOME:
+            continue
+        own, other, rows = survey.runs[part], survey.runs[whole], count + _IN_A_ROW - 1
+        told = f"Run {own} is run {other}, or a part of it" if is_part else f"Runs {own} and {other} share rows"
+        yield FINDINGS.finding(
+            "same-file-twice" if is_part else "rows-in-two-runs",
+            f"{told}: some {rows} rows have the same values in all channels.",
+            Where(run=own),
+            {"original": other, "rows": rows},
+            action="leave-out-run" if is_part else "none",
+        )
+
+
+def _stretches(values: Floats) -> NDArray[np.uint64]:
+    """A number for every `_IN_A_ROW` rows of a run that follow one another, without those that hardly change."""
+    draw, mixed = np.random.default_rng(0), np.uint64(32)
+    odd, place = (2 * draw.integers(2**63, size=n, dtype=np.uint64) + 1 for n in (len(values), _IN_A_ROW))
+    bits = (np.nan_to_num(values) + 0.0).view(np.uint64)
+    bits = (bits ^ (bits >> mixed)) * odd[:, None]  # high bits count in low ones, or two signs would cancel each other
+    rows = (bits ^ (bits >> mixed)).sum(axis=0)
+    if len(rows) < _IN_A_ROW:
+        return rows[:0]
+    is_new = sliding_window_view(np.diff(rows, prepend=rows[:1]) != 0, _IN_A_ROW).sum(axis=1) >= _IN_A_ROW // 2
+    return np.unique((sliding_window_view(rows, _IN_A_ROW) @ place)[is_new])
 
 
 def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
+from selector.number_text import span_text
 from selector.quality.broken_sensors import longest_still, still_stretches
 from selector.quality.finding_table import FINDINGS
-from selector.quality.survey import Floats, Survey, difference, duration, moment, present_median, reading, stretch
+from selector.quality.survey import Floats, Survey, difference, moment, present_median, reading, stretch
 
 _BLOCKS = 240
 _PRESENT = 0.9  #: A channel takes part in a run when so many of its blocks hold a sample; the rest is interpolated.
@@ -361,7 +362,7 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
                 yield FINDINGS.finding(
                     "saturated" if railed else "stuck",
                     f"{channel.name} in run {run} is frozen at {reading(float(still.value[k]), channel)}{rail} for "
-                    f"{duration(end - begin)}, {stretch(begin, end)}{', the end of the run' if to_end else ''}, while "
+                    f"{span_text(end - begin)}, {stretch(begin, end)}{', the end of the run' if to_end else ''}, while "
                     f"its siblings say that it moved by {difference(due, channel)}"
                     + ("; but it stands still in other runs, too." if unsure else "."),
                     Where(channel.name, run, begin, end),

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding
+from selector.number_text import span_text
 from selector.quality.leave_out import left_out_rows
 from selector.recording import Channel, Recording
 
@@ -214,17 +215,10 @@ def medians_of_others(values: Floats) -> Floats:
 _UNITS = {"degC": "°C", "um": "µm", "1": ""}
 
 
-def duration(seconds: float) -> str:
-    """A duration as people say it, e.g. ``"45 s"``, ``"12 min"``, ``"3.5 h"``."""
-    if abs(seconds) < 120:
-        return f"{seconds:.3g} s"
-    return f"{seconds / 60:.3g} min" if abs(seconds) < 7200 else f"{seconds / 3600:.3g} h"
-
-
 def moment(seconds: float) -> str:
     """A time from the start of the run: seconds, and a larger unit where it helps."""
     plain = f"{seconds:.7g} s"
-    return plain if seconds < 120 else f"{plain} ({duration(seconds)})"
+    return plain if seconds < 120 else f"{plain} ({span_text(seconds)})"
 
 
 def stretch(from_s: float, to_s: float) -> str:

@@ -44,7 +44,7 @@ def study_data(runs: Sequence[Path], machine_file: Path | None, overrides: Overr
     if is_large(runs) and overrides.mean_s is None and not overrides.has_window:
         return _streamed(runs, machine_file, overrides)
     reading = read(runs, machine=machine_file, overrides=overrides)
-    recording, faults = usable(reading.recording, reading.origins)
+    recording, faults = usable(reading.recording)
     return StudyData(
         recording,
         without_folders((*reading.findings, *faults)),

@@ -72,7 +72,7 @@ def inspected(
     """What these recordings hold together, and what is found in it. Raises InputError: they cannot be read."""
     reading = read(paths, machine=machine, overrides=overrides)
     try:
-        _, faults = usable(reading.recording, reading.origins)
+        _, faults = usable(reading.recording)
     except RecordingError:  # of nothing that could be used, what is wrong is shown all the same
         faults = inspect(reading.recording)
     return reading, (*reading.findings, *faults)

@@ -146,7 +146,15 @@ def test_findings_of_a_kind_are_one_and_a_fault_is_told_once(capfd):
 
 @pytest.mark.parametrize(
     ("seconds", "text"),
-    [(0.5, "0.5 s"), (59.0, "59 s"), (90.0, "1.5 min"), (3600.0, "1 h"), (5400.0, "1 h 30 min"), (float("nan"), "–")],
+    [
+        (0.5, "0.5 s"),
+        (59.0, "59 s"),
+        (90.0, "1.5 min"),
+        (3600.0, "1 h"),
+        (5400.0, "1 h 30 min"),
+        (-7200.0, "−2 h"),
+        (float("nan"), "–"),
+    ],
 )
 def test_span_text(seconds, text):
     assert span_text(seconds) == text

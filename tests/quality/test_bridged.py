@@ -63,7 +63,7 @@ def test_what_was_left_out_stays_out_and_an_outage_keeps_no_single_reading_from_
 
 def test_what_a_study_uses_is_bridged_without_what_was_left_out_and_all_of_it_is_told():
     given = recording({"T1": [10, 30], "T2": [40]})
-    used, told = usable(given, {"a": ("a.csv", "f"), "b": ("b.csv", "f")})
+    used, told = usable(given)
     assert used.runs == ("a",)
     assert np.isfinite(used.values("a", ["T1", "T2"])).all()
     assert {(one.id, one.where.run or one.where.channel) for one in told} >= {

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from selector.findings import Finding
-from selector.quality import identity
+from selector.quality import identity, inspect
 from selector.quality import siblings as relations_module
 from selector.quality.identity import swapped
 from selector.quality.siblings import Relations
@@ -16,6 +16,8 @@ from selector.quality.survey import Survey
 from selector.readers.roles.repairs import proposed
 from selector.recording import Channel, Recording
 from tests.quality.workshop import plain_recording, plain_tables
+
+IDS = ("same-file-twice", "rows-in-two-runs")
 
 
 def _wandering(sensors: int, runs: int = 3, samples: int = 200) -> Recording:
@@ -160,3 +162,28 @@ def test_only_pairs_that_may_be_copies_are_compared(monkeypatch):
     found = list(identity.duplicates(Survey(recording), Relations(Survey(recording))))
     assert [(one.where.channel, one.evidence["other"]) for one in found] == [("T29", "T3")]
     assert len(compared) < 10  # of 435 pairs
+
+
+def test_a_run_that_is_part_of_another_one_is_left_out_and_common_rows_are_told() -> None:
+    tables = plain_tables()
+    first, *others = tables
+    rows = len(tables[first])
+    given = {**tables, "again": tables[first].iloc[rows // 4 : rows // 2], "copy": tables[others[0]]}
+    found = {(one.where.run, one.evidence["original"]): one for one in inspect(plain_recording(given)) if one.id in IDS}
+    assert set(found) == {("again", first), ("copy", others[0])}
+    assert all(one.action == "leave-out-run" for one in found.values())
+    assert found["again", first].evidence["rows"] == rows // 2 - rows // 4
+    halves = {**tables, first: tables[first].iloc[: rows // 2], "rest": tables[first].iloc[rows // 4 :]}
+    (both,) = (one for one in inspect(plain_recording(halves)) if one.id in IDS)
+    assert (both.id, both.where.run, both.action) == ("rows-in-two-runs", first, "none")
+    assert both.evidence["rows"] == rows // 2 - rows // 4
+
+
+def test_runs_that_stand_still_alike_share_no_rows() -> None:
+    still = pd.DataFrame({"T1": 20.0, "Z": 0.0}, index=60.0 * np.arange(300))
+    moving = still + np.random.default_rng(2).normal(0, 1, still.shape)
+    channels = [Channel("T1", "temperature", "degC"), Channel("Z", "displacement", "um")]
+    runs = {
+        name: pd.concat([still, own.set_axis(18000.0 + own.index)]) for name, own in (("a", moving), ("b", -moving))
+    }
+    assert not [one for one in inspect(Recording.from_runs(runs, channels)) if one.id in IDS]

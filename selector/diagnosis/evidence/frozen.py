@@ -14,7 +14,7 @@ from selector.diagnosis.matching.usable import LEAST_SAMPLES, fit_of_copy, not_c
 from selector.diagnosis.shapes.input_faults import InputFault
 from selector.diagnosis.shown_units import unit_words
 from selector.diagnosis.wording import headline
-from selector.quality.survey import duration
+from selector.number_text import span_text
 from selector.types import Mask
 
 _AS_FAR_OFF = 0.5  #: Of the mean square elsewhere: less of a mismatch says nothing against the readings of a stretch.
@@ -52,7 +52,7 @@ def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
             reading, samples = float(comparison.recorded[name][first]), last - first + 1
             statement = (
                 f"{name} in run {run} stands at {reading:.6g} {unit_words(comparison.channel(name).unit)} for "
-                f"{duration(to_s - from_s)} from {duration(from_s)} on: {samples} equal samples, silent nowhere else."
+                f"{span_text(to_s - from_s)} from {span_text(from_s)} on: {samples} equal samples, silent nowhere else."
             )
             evidence, course = {"samples": samples, "value": reading}, np.where(here, reading - expected, 0.0)
             faults.append(InputFault("data.stuck", name, run, from_s, to_s, statement, True, evidence, course))

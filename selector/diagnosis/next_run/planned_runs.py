@@ -11,7 +11,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.axis import derivatives
 from selector.diagnosis.shapes.heating import SHORTEST_S, Sources, sources
 from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, course, excited, no_gauging
-from selector.quality.survey import duration
+from selector.number_text import span_text
 from selector.types import Vector
 
 Given = dict[str, NDArray[Any]]
@@ -63,7 +63,7 @@ def _of_heat(comparison: Comparison, response: str) -> Iterator[PlannedRun]:
 
 
 def _heat_menu(comparison: Comparison, known: Sources, part: Vector, span: float) -> Iterator[tuple[str, Given]]:
-    half = duration(span / 2.0)
+    half = span_text(span / 2.0)
     if known.spindle is not None:
         name, top = known.spindle, _top(comparison, known.spindle)
         for share in (1.0, 0.5):
@@ -72,31 +72,31 @@ def _heat_menu(comparison: Comparison, known: Sources, part: Vector, span: float
         levels = np.array([0.25, 0.5, 0.75, 1.0, 0.6, 0.3])
         stairs = top * levels[np.minimum((6 * part).astype(int), 5)]
         said = ", ".join(f"{level * top:.0f}" for level in levels)
-        yield f"Run the spindle at {said} rpm for {duration(span / 6.0)} each, without stops", {name: stairs}
+        yield f"Run the spindle at {said} rpm for {span_text(span / 6.0)} each, without stops", {name: stairs}
         on = np.mod(16.0 * part, 2.0) < 1.0
-        each = duration(span / 16.0)
-        yield f"Run the spindle at {top:.0f} rpm, {each} on and {each} off, for {duration(span)}", {name: top * on}
+        each = span_text(span / 16.0)
+        yield f"Run the spindle at {top:.0f} rpm, {each} on and {each} off, for {span_text(span)}", {name: top * on}
         quick = np.mod(64.0 * part, 2.0) < 1.0
-        each = duration(span / 64.0)
+        each = span_text(span / 64.0)
         words = f"Run the spindle at {top:.0f} rpm, {each} on and {each} off, for {half}, then at {0.5 * top:.0f} rpm"
         yield f"{words} without a stop for {half}", {name: np.where(part < 0.5, top * quick, 0.5 * top)}
     if known.hall:
         swing = _HALL_SWING_K * 0.5 * (1.0 - np.cos(2.0 * np.pi * part))
         given = {name: _start(comparison, name) + swing for name in known.hall}
-        words = f"Leave the machine switched on but idle for {duration(span)} while the hall changes by"
+        words = f"Leave the machine switched on but idle for {span_text(span)} while the hall changes by"
         yield f"{words} {_HALL_SWING_K:.0f} K or more (overnight, heating on and off)", given
     wet = {name: _top(comparison, name) * (np.mod(8.0 * part, 2.0) >= 1.0) for name in known.coolant_switches}
     if wet:
-        each = duration(span / 8.0)
+        each = span_text(span / 8.0)
         switched = " and ".join(wet)
-        yield f"Spindle at standstill, {switched} off and on for {each} each, for {duration(span)}", dict(wet)
+        yield f"Spindle at standstill, {switched} off and on for {each} each, for {span_text(span)}", dict(wet)
         if known.spindle is not None:
             speed = np.full(len(part), 0.6 * _top(comparison, known.spindle))
             words = f"Run the spindle at {speed[0]:.0f} rpm throughout, {switched} off and on for {each} each"
-            yield f"{words}, for {duration(span)}", wet | {known.spindle: speed}
+            yield f"{words}, for {span_text(span)}", wet | {known.spindle: speed}
     for name in known.other_heat:
         on = np.where(np.mod(4.0 * part, 2.0) < 1.0, _top(comparison, name), _low(comparison, name))
-        each = duration(span / 4.0)
+        each = span_text(span / 4.0)
         yield f"Spindle at standstill, {name} at its highest for {each}, then off for {each}, twice", {name: on}
 
 
@@ -209,7 +209,7 @@ def _sweep(drive: _Drive) -> tuple[str, Vector]:
     size = np.minimum.reduce([np.full(len(time), 0.2 * drive.travel), 0.8 * drive.top / omega, drive.push / omega**2])
     fade = np.clip(np.minimum(time, total - time) / 0.5, 0.0, 1.0)
     place = drive.low + 0.5 * drive.travel + size * fade * np.sin(phase)
-    words = f"Sweep the position with a sine from {first:g} to {last:.3g} Hz in {duration(total)}"
+    words = f"Sweep the position with a sine from {first:g} to {last:.3g} Hz in {span_text(total)}"
     return f"{words}, as large as speed and acceleration allow", place
 
 
@@ -239,21 +239,21 @@ def _vibration_menu(
         size = float(np.abs(seen).max())
         steps = np.array([0.2, 0.5, 1.0])[np.minimum((3 * part).astype(int), 2)]
         unit = comparison.channel(name).unit
-        words = f"Repeat the excitation {name} at 20, 50 and 100 % of its amplitude, {duration(span / 3)} each"
+        words = f"Repeat the excitation {name} at 20, 50 and 100 % of its amplitude, {span_text(span / 3)} each"
         yield words, {name: seen * steps}
         last = 0.2 / comparison.period_s
         first = last / 100.0
         phase = 2.0 * np.pi * first * span / np.log(100.0) * (100.0**part - 1.0)
-        band = f"from {first:.3g} to {last:.3g} Hz in {duration(span)}"
+        band = f"from {first:.3g} to {last:.3g} Hz in {span_text(span)}"
         yield f"Sweep {name} with a sine of {0.5 * size:.3g} {unit} {band}", {name: 0.5 * size * np.sin(phase)}
-        words = f"Let {name} rest for {duration(span / 2)}, then repeat the excitation"
+        words = f"Let {name} rest for {span_text(span / 2)}, then repeat the excitation"
         yield words, {name: np.where(part < 0.5, 0.0, seen)}
     for name in turning:
         top = _top(comparison, name)
-        yield f"Run the spindle up from standstill to {top:.0f} rpm in {duration(span)}, evenly", {name: top * part}
+        yield f"Run the spindle up from standstill to {top:.0f} rpm in {span_text(span)}, evenly", {name: top * part}
         two = np.where(part < 0.5, 0.6 * top, top)
-        yield f"Run the spindle at {0.6 * top:.0f} and {top:.0f} rpm, {duration(span / 2)} each", {name: two}
-        yield f"Spindle at standstill for {duration(span)}", {name: np.zeros(n)}
+        yield f"Run the spindle at {0.6 * top:.0f} and {top:.0f} rpm, {span_text(span / 2)} each", {name: two}
+        yield f"Spindle at standstill for {span_text(span)}", {name: np.zeros(n)}
 
 
 def _of_levels(comparison: Comparison, response: str) -> Iterator[PlannedRun]:
@@ -269,7 +269,7 @@ def _of_levels(comparison: Comparison, response: str) -> Iterator[PlannedRun]:
         steps = np.array([0.0, 0.5, 1.0, 0.25, 0.75, 0.0])[np.minimum((6 * part).astype(int), 5)]
         wave = 0.5 - 0.5 * np.cos(4.0 * np.pi * part)
         for words, shape in (("steps of 0, 50, 100, 25, 75, 0 %", steps), ("two slow waves", wave)):
-            text = f"Take {name} through {words} of its range ({low:.3g} to {high:.3g}) in {duration(span)}"
+            text = f"Take {name} through {words} of its range ({low:.3g} to {high:.3g}) in {span_text(span)}"
             given = rest | {name: low + (high - low) * shape}
             yield PlannedRun(f"{text}; log {log} as in the other runs.", given, span)
 

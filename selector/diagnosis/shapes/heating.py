@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.signals import by_movement, by_run, course, excited, lagged, rate, rise, time_constants
-from selector.quality.survey import duration
+from selector.number_text import span_text
 from selector.recording import Channel
 from selector.types import Matrix, Vector
 
@@ -83,7 +83,7 @@ def lacking(comparison: Comparison, response: str) -> str | None:
     if role not in _WARMED:
         return f"heat shows in displacements and temperatures, and {response} is a channel of role {role}"
     if role == "displacement" and comparison.longest_s < SHORTEST_S:
-        return f"the longest run takes {duration(comparison.longest_s)}, heat needs {duration(SHORTEST_S)} or more"
+        return f"the longest run takes {span_text(comparison.longest_s)}, heat needs {span_text(SHORTEST_S)} or more"
     if len(comparison.time_s) < 20 * len(comparison.runs):
         return "fewer than 20 samples a run"
     return None

@@ -10,8 +10,8 @@ from dash.development.base_component import Component
 
 from selector.figures.simulated.thermal import courses
 from selector.findings import Finding
+from selector.number_text import span_text
 from selector.quality import stretches
-from selector.quality.survey import duration
 from selector.readers import Overrides
 from selector.readers.finding_table import RUN_REPAIRED, TWO_LOGGERS
 from selector.shipped import shipped
@@ -294,8 +294,8 @@ def _table_of_files(bench: Bench) -> dict[str, Any]:
         own = runs.get(str(one.path), []) if one.is_used else []
         facts: list[Any] = ["", "", "", ""]
         if own:
-            facts = [sum(run.rows for run in own), duration(sum(run.duration_s for run in own))]
-            facts += [duration(own[0].period_s), (own[0].start or "").replace("T", " ")]
+            facts = [sum(run.rows for run in own), span_text(sum(run.duration_s for run in own))]
+            facts += [span_text(own[0].period_s), (own[0].start or "").replace("T", " ")]
         names = {run.name for run in own}
         wrong = [finding for finding in bench.inspection.findings if is_fault(finding) and finding.where.run in names]
         state, look = is_read if one.is_used else "left out", "about"

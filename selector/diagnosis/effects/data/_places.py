@@ -8,7 +8,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity, Variant
-from selector.quality.survey import duration
+from selector.number_text import span_text
 from selector.types import Mask, Vector
 
 _MOST_MOMENTS = 40
@@ -123,14 +123,14 @@ def later_parts(
         firsts = np.unique(np.linspace(low, high, min(per_run, n // _LEAST_ROWS)).astype(int))
         for first in firsts + rows.start:
             part = window(comparison, run, first, rows.stop - 1)
-            yield replace(part, words=f"run {run} from {duration(part.from_s or 0.0)} on")
+            yield replace(part, words=f"run {run} from {span_text(part.from_s or 0.0)} on")
 
 
 def window(comparison: Comparison, run: str, first: int, last: int) -> Part:
     """The rows from `first` to `last` of all rows, both included, that lie in one run."""
     index = np.arange(len(comparison.time_s))
     from_s, to_s = float(comparison.time_s[first]), float(comparison.time_s[last])
-    words = f"run {run} from {duration(from_s)} to {duration(to_s)}"
+    words = f"run {run} from {span_text(from_s)} to {span_text(to_s)}"
     return Part((index >= first) & (index <= last), run, words, from_s, to_s)
 
 

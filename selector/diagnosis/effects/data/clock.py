@@ -9,7 +9,7 @@ from selector.diagnosis.effects.data._places import Part, everywhere, later_part
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, equally_likely, words_of
 from selector.diagnosis.shapes.input_faults import input_faults
 from selector.diagnosis.shapes.signals import by_run, excited, rate
-from selector.quality.survey import duration
+from selector.number_text import span_text
 from selector.types import Vector
 
 #: Shifts, in times that the course takes to change, for which its derivative no longer says what a shift does.
@@ -81,7 +81,7 @@ def _by_sizes(
 def _shifted_by(
     comparison: Comparison, course: Vector, shift_s: float, parts: Sequence[Part], words: str = ""
 ) -> list[Variant]:
-    change, words = _late(comparison, course, shift_s) - course, words or f"late by {duration(shift_s)}"
+    change, words = _late(comparison, course, shift_s) - course, words or f"late by {span_text(shift_s)}"
     return [_variant(part, change, words, "shift_s", Quantity(shift_s, "s")) for part in parts]
 
 
@@ -137,12 +137,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         gap_s = off.value * comparison.longest_s
         return Reading(
             f"The clock of {channel} runs {100 * abs(off.value):.3f} % too {'slow' if off.value < 0 else 'fast'}"
-            f"{fitted.where}: {duration(abs(gap_s))} at the end of the longest run.",
+            f"{fitted.where}: {span_text(abs(gap_s))} at the end of the longest run.",
             {"rate_error": off},
         )
     late = fitted.coefficient("s", factor=_tried_value(variant, "shift_s"))
     return Reading(
-        f"{channel} is recorded {duration(abs(late.value))} too {'late' if late.value > 0 else 'early'}{fitted.where}.",
+        f"{channel} is recorded {span_text(abs(late.value))} too {'late' if late.value > 0 else 'early'}"
+        f"{fitted.where}.",
         {"shift_s": late} | {name: variant.shape[name] for name in ("from_s",) if name in variant.shape},
     )
 

@@ -9,7 +9,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant
 from selector.diagnosis.shapes.heating import shown_unit
 from selector.diagnosis.shapes.signals import lagged
-from selector.quality.survey import duration
+from selector.number_text import span_text
 from selector.types import Vector
 
 _BOTH_WAYS = 0.2  #: Of the larger way, from which on the smaller one is said as well.
@@ -59,12 +59,12 @@ def delay_of(fitted: Fitted) -> str:
     shape = fitted.variant.shape
     tau_s = shape["tau_s"].value if "tau_s" in shape else 0.0
     known = fitted.shape_intervals.get("tau_s")
-    text = f"with a delay of {'about ' if known is None else ''}{duration(tau_s)}" if tau_s > 0.0 else "at once"
+    text = f"with a delay of {'about ' if known is None else ''}{span_text(tau_s)}" if tau_s > 0.0 else "at once"
     if known is not None:
         text += f" ({_interval(*known)})"
     if "slow_tau_s" not in shape:
         return text
-    text += f" and one of {duration(shape['slow_tau_s'].value)}"
+    text += f" and one of {span_text(shape['slow_tau_s'].value)}"
     slow = fitted.shape_intervals.get("slow_tau_s")
     return text if slow is None else f"{text} ({_interval(*slow)})"
 
@@ -72,8 +72,8 @@ def delay_of(fitted: Fitted) -> str:
 def _interval(low: float, high: float) -> str:
     """An interval of delays, which may be open at an end."""
     if not isfinite(high):
-        return f"at least {duration(low)}" if low > 0.0 else "of any length"
-    return f"{duration(low)} to {duration(high)}" if low > 0.0 else f"at most {duration(high)}"
+        return f"at least {span_text(low)}" if low > 0.0 else "of any length"
+    return f"{span_text(low)} to {span_text(high)}" if low > 0.0 else f"at most {span_text(high)}"
 
 
 def worth(fitted: Fitted) -> str:
