@@ -226,27 +226,62 @@ def pauses(time_s: NDArray[np.float64]) -> NDArray[np.intp]:
 
 def at_pauses(recording: Recording) -> Recording:
     """The recording, cut at pauses: a part is called after its run, with a number, and counts from its own start."""
-    return parted(recording, {run: pauses(recording.time_s(run)).tolist() for run in recording.runs})
+    cut = Parted(recording)
+    return recording if cut.runs == recording.runs else thinned(cut, 1)
 
 
-def parted(recording: Recording, cuts: Mapping[str, Sequence[int]], **told: bool) -> Recording:
-    """The recording with its runs cut before these samples; `told` is what its provenance says of it besides."""
-    if not any(cuts.values()):
-        return recording
-    known, parts = (dict(recording.provenance.get(key, {})) for key in ("runs", PARTS))
-    tables: dict[str, pd.DataFrame] = {}
-    for run in recording.runs:
-        time_s, values, of_run = recording.time_s(run), recording.values(run, recording.names), known.get(run, {})
-        for k, (first, end) in enumerate(itertools.pairwise([0, *cuts[run], len(time_s)]), 1):
-            name, begin_s = (f"{run} {k}", float(time_s[first])) if cuts[run] else (run, 0.0)
-            while cuts[run] and (name in recording.runs or name in tables):
-                name += "'"
-            if cuts[run]:
+class Parted:
+    """A source with its runs cut where parts begin [s], by default at pauses; provenance holds `told` besides.
+
+    Parts that are asked for one after the other cost one pass over their run.
+    """
+
+    def __init__(self, source: RunSource, begins_s: Mapping[str, Sequence[float]] | None = None, **told: bool) -> None:
+        self.channels, self._source = tuple(source.channels), source
+        self._going: tuple[tuple[str, Sequence[str], float], Iterator[Any]] | None = None
+        begins_s = {run: _begins_s(source, run) for run in source.runs} if begins_s is None else begins_s
+        of_source: Mapping[str, Any] = getattr(source, "provenance", {})
+        known, parts = (dict(of_source.get(key, {})) for key in ("runs", PARTS))
+        #: Part → its run, from when to when, and when it counts from [s].
+        self._spans: dict[str, tuple[str, float, float, float]] = {}
+        for run in source.runs:
+            begins, of_run = begins_s.get(run, ()), known.get(run, {})
+            if len(begins) < 2:
+                self._spans[run] = run, -np.inf, np.inf, 0.0
+                continue
+            for k, (begin_s, end_s) in enumerate(itertools.pairwise([*begins, np.inf]), 1):
+                name = f"{run} {k}"
+                while name in source.runs or name in self._spans:
+                    name += "'"
                 start = of_run.get("start") and datetime.fromisoformat(of_run["start"]) + timedelta(seconds=begin_s)
                 parts[name], known[name] = (run, begin_s), of_run | {"start": start and start.isoformat()}
-            tables[name] = pd.DataFrame(values[first:end], time_s[first:end] - begin_s, list(recording.names))
-    provenance = {**recording.provenance, "runs": known, PARTS: parts, **told}
-    return Recording.from_runs(tables, recording.channels, provenance)
+                self._spans[name] = run, begin_s, end_s, begin_s
+        self.runs, self.provenance = tuple(self._spans), {**of_source, "runs": known, PARTS: parts, **told}
+
+    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """(time_s, values) pieces of a part, in order; values of shape (n_samples, n_names)."""
+        (whole, begin_s, end_s, zero_s), wanted = self._spans[run], list(names)
+        going, self._going = self._going, None
+        is_next = going is not None and going[0] == (whole, wanted, begin_s)
+        pieces = going[1] if going and is_next else self._source.chunks(whole, wanted)
+        for time_s, values in pieces:
+            of = slice(*np.searchsorted(time_s, (begin_s, end_s)))
+            if len(time_s[of]):
+                yield time_s[of] - zero_s, values[of]
+            if of.stop < len(time_s):
+                self._going = (whole, wanted, end_s), itertools.chain([(time_s, values)], pieces)
+                return
+
+
+def _begins_s(source: RunSource, run: str) -> list[float]:
+    """When the parts of a run begin that pauses cut it into [s]."""
+    begins: list[float] = []
+    last = np.empty(0)
+    for time_s, _ in source.chunks(run, ()):
+        stamps = np.r_[last, time_s]
+        begins += stamps[[*([] if begins else [0]), *pauses(stamps)]].tolist()
+        last = time_s[-1:]
+    return begins
 
 
 def thinned(source: RunSource, stride: int) -> Recording:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from selector.quality.completeness import is_late
-from selector.recording import Recording, RunSource, at_pauses, parted, restarts
+from selector.recording import Parted, Recording, RunSource, at_pauses, restarts, thinned
 from selector.types import Array
 
 Before = tuple[str, float]  #: The run before a run, and how much later than that one it starts [s].
@@ -32,9 +32,11 @@ def in_parts(source: RunSource) -> RunSource:
     rests = (turning < 0.01 * turning.max()).to_numpy()
     first = np.r_[0, 1 + np.flatnonzero(rests[1:] != rests[:-1])]
     begun = restarts(rests[first], np.diff(time_s[first], append=time_s[-1]))
+    if len(begun) < FEWEST_PARTS:
+        return source
     # the last sample at rest is the zero of a part
-    cuts = [int(first[i + 1]) - 1 for i in begun[1:]] if len(begun) >= FEWEST_PARTS else []
-    return parted(source, {run: cuts}, at_rests=True)
+    begins_s = time_s[[0, *(first[i + 1] - 1 for i in begun[1:])]].tolist()
+    return thinned(Parted(source, {run: begins_s}, at_rests=True), 1)
 
 
 class Begun:

@@ -88,6 +88,7 @@ class StreamWithoutFaults:
         gone = {f.where.run for f in self._findings if f.action == "leave-out-run"}
         self.runs: tuple[str, ...] = tuple(run for run in source.runs if gone.isdisjoint((None, run)))
         self.channels: tuple[Channel, ...] = tuple(source.channels)
+        self.provenance = getattr(source, "provenance", {})
 
     def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
         """(time_s, values) pieces of a run; what is left out is NaN."""

@@ -12,7 +12,7 @@ from selector.readers import Machine, Overrides, Reading, is_large, machine, rea
 from selector.readers.files import recording_files
 from selector.readers.finding_table import FILES_SKIPPED, FINDINGS
 from selector.readers.roles.names import printable_name
-from selector.recording import Recording, RunSource, at_pauses, thinned
+from selector.recording import Parted, Recording, RunSource, at_pauses, thinned
 
 INSPECTED_ROWS = 100_000
 _BESIDE = (FILES_SKIPPED,)
@@ -103,13 +103,13 @@ def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overri
     found = FINDINGS.finding(
         "read-in-pieces",
         f"The recordings hold {rows} rows and were read in pieces; faults were looked for in every {stride}th row, and "
-        "lost readings stay lost; runs are not cut at pauses.",
+        "lost readings stay lost.",
         Where(),
         {"rows": rows, "stride": stride},
     )
     origins = {run: (str(entry["file"]), entry["sha256"]) for run, entry in stream.provenance["runs"].items()}
     return StudyData(
-        StreamWithoutFaults(stream, faults),
+        Parted(StreamWithoutFaults(stream, faults)),
         without_folders((*stream.findings, found, *faults)),
         _provenance(named, origins),
         None,

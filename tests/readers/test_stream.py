@@ -15,6 +15,7 @@ from selector.readers import is_large, read, stream_parquet
 from selector.readers import stream as streaming
 from selector.readers.machine_file import machine_from_text
 from selector.readers.tables import Overrides
+from selector.recording import PARTS, Parted, at_pauses
 from selector.study.data import study_data
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -55,6 +56,33 @@ def test_pieces_are_the_recording(files, monkeypatch):
             assert np.array_equal(np.concatenate([t for t, _ in pieces]), whole.time_s(run))
             values = np.concatenate([v for _, v in pieces])
             assert np.array_equal(values, whole.values(run, names), equal_nan=True)
+
+
+def test_pieces_are_cut_at_pauses_as_the_whole_recording_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(streaming, "CHUNK_ROWS", 64)
+    rng = np.random.default_rng(3)
+    at_s = np.concatenate([day * 86400.0 + 10.0 * np.arange(300) for day in range(4)])
+    pd.DataFrame({"time_s": at_s, "T1": rng.normal(20, 1, 1200)}).to_parquet(tmp_path / "week.parquet")
+    pd.DataFrame({"time_s": at_s[:300], "T1": rng.normal(20, 1, 300)}).to_parquet(tmp_path / "day.parquet")
+    files = [tmp_path / "week.parquet", tmp_path / "day.parquet"]
+    whole = at_pauses(read(files).recording)
+    source = stream_parquet(files)
+    opened = []
+    monkeypatch.setattr(
+        streaming.ParquetSource,
+        "chunks",
+        lambda self, run, names, own=streaming.ParquetSource.chunks: opened.append(run) or own(self, run, names),
+    )
+    cut = Parted(source)
+    assert cut.runs == whole.runs == ("week 1", "week 2", "week 3", "week 4", "day")
+    assert cut.provenance[PARTS] == whole.provenance[PARTS]
+    opened.clear()
+    for run in (*cut.runs, "week 3", "week 2"):
+        pieces = list(cut.chunks(run, ["T1"]))
+        assert len(pieces) > 4
+        assert np.array_equal(np.concatenate([t for t, _ in pieces]), whole.time_s(run))
+        assert np.array_equal(np.concatenate([v for _, v in pieces]), whole.values(run, ["T1"]))
+    assert opened == ["week", "day", "week", "week"]  # in their order parts cost one pass over the file
 
 
 def test_timestamps_and_no_clock(tmp_path):
