@@ -108,8 +108,13 @@ def export_model(
     """
     model, folder, options = Path(model), Path(folder), options or ExportOptions()
     if target not in TARGETS:
-        meant = [name for name, one in TARGETS.items() if target and target.lower() in one.title.lower()]
-        near = (meant or difflib.get_close_matches(target.lower(), TARGETS, n=1))[:1]
+        word = target.lower()
+        meant = [name for name, one in TARGETS.items() if word and word in one.title.lower()]
+        # or the ending of a program, which may be that of several controls
+        ended = [
+            name for name, one in TARGETS.items() if f".{word}" in {Path(of.file).suffix.lower() for of in one.parts}
+        ]
+        near = meant or difflib.get_close_matches(word, TARGETS, n=1) or ended * (len(ended) == 1)
         advice = f"did you mean {near[0]}?" if near else "choose one"
         raise OptionError(repr(target), expected="one of " + ", ".join(TARGETS), where="--for", advice=advice)
     chosen = TARGETS[target]

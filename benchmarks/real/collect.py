@@ -40,8 +40,12 @@ def clone_of(source: Source, clones: Path) -> Path | None:
 
 
 def collected(source: Source, clone: Path, folder: Path) -> tuple[int, list[str]]:
-    """Number of files that stand in the folder now, and the paths of which the clone has no content."""
+    """Number of files that stand in the folder now, and the paths of which the clone has no content, or the commit."""
     absent, taken = [], 0
+    try:
+        _git(clone, "cat-file", "-e", f"{source.commit}^{{tree}}")
+    except subprocess.CalledProcessError:
+        return 0, [f"commit {source.commit}"]
     listed = _git(clone, "ls-tree", "-r", "-z", "--name-only", source.commit).decode().split("\0")
     for path in filter(source.holds, filter(None, listed)):
         target = folder / path

@@ -68,14 +68,14 @@ def check(
     findings = model_findings(read)
     if changed is not None:
         findings = (FINDINGS.finding("digest-mismatch", f"The file was changed: {changed.found}."), *findings)
+    usable = not any(finding.level == "error" for finding in findings)
     if as_json:
-        usable = not any(finding.level == "error" for finding in findings)
         showing.print_json(
             {"schema": "selector.model-check/1", "file": model.name, "usable": usable, "findings": findings}
         )
     else:
-        console = showing.screen()
-        showing.show_findings(console, findings)
+        console = showing.screen(as_json=not usable)
+        showing.show_findings(console, findings, everything=True)
         if accept:
             showing.show_written(console, model)
     if changed is not None:

@@ -114,7 +114,7 @@ def convert(
         showing.print_json({"schema": "selector.conversion/1", "files": paths, **counts, "findings": reading.findings})
         return
     console = showing.screen()
-    showing.show_findings(console, reading.findings)
+    showing.show_findings(console, reading.findings, everything=True)
     console.print(told, markup=False)
 
 

@@ -51,7 +51,13 @@ from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, is_slow_in_one_run, numbers, search
 from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
-from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
+from selector.diagnosis.matching.usable import (
+    diagnosis_of_copy,
+    require_samples,
+    told_of_copies,
+    with_copies,
+    without_fitted_difference,
+)
 from selector.diagnosis.mismatch.omnibus import Structure, comes_again, of_whole_record, told_of_wandering, unexplained
 from selector.diagnosis.mismatch.switching import Switched, gain_beside, places, switched, told_of_switches
 from selector.diagnosis.next_run.experiments import next_runs
@@ -93,6 +99,7 @@ def diagnosis(
 
     Raises InputError if the comparison is no basis for an answer.
     """
+    require_samples(comparison)
     known = tuple(effects if effects is not None else catalogue())
     asked = _Asked(seed, false_alarm, known, progress or (lambda done, total, text: None))
     answer = _staged(_State(comparison, asked))

@@ -115,6 +115,10 @@ def test_the_screen_holds_it(tmp_path, capsys, monkeypatch):
     ("arguments", "told"),
     [
         (["--for", "siemens"], "one of c"),
+        (["--for", "siemens"], "did you mean sinumerik?"),
+        (["--for", "scl"], "did you mean sinumerik?"),
+        (["--for", "py"], "did you mean python?"),
+        (["--for", "zz"], "choose one"),
         (["--for", "c", "--clamp", "X=3"], "no output 'X'"),
         (["--for", "c", "--clamp", "Z=0"], "a number above 0"),
         (["--for", "c", "--slew", "Z=nan"], "a number above 0"),

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.workflow import diagnosis
 from selector.errors import InputError
@@ -146,3 +147,22 @@ def test_what_would_have_been_missed_is_told_in_words():
     assert told["data.drift"].startswith("speed at which the reading runs away: ")
     assert told["data.zero"].startswith("what is read where nothing is: ")
     assert not [note for note in told.values() if "_" in note]
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 5, 39])
+def test_a_comparison_that_was_put_together_of_few_rows_is_refused(rows):
+    time_s, draw = 60.0 * np.arange(rows + 2), np.random.default_rng(1)
+    recorded, simulated = draw.normal(size=(2, rows + 2))
+    channel = Channel("Z", "displacement", "um")
+    given = Comparison(
+        ("r",),
+        (0, rows + 2),
+        time_s,
+        (channel,),
+        {"Z": recorded},
+        {"Z": simulated},
+        ("Z",),
+        np.arange(rows + 2) >= rows,
+    )
+    with pytest.raises(InputError, match=f"Z has {rows} samples"):
+        diagnosis(given)

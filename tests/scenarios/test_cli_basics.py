@@ -257,6 +257,11 @@ def test_model_check(folder, capfd):
     assert said["usable"] is False
     assert {"digest-mismatch", "test-vector-mismatch"} <= {finding["id"] for finding in said["findings"]}
     assert "changed.json" in err
+    # what cannot be used is told where messages are read
+    assert exit_status(["model", "check", "changed.json"]) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert "--accept" in err
 
 
 def unusable_files(folder: Path) -> None:

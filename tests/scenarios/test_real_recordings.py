@@ -5,6 +5,7 @@ The recordings themselves are not part of the package; files of the same form ar
 
 from __future__ import annotations
 
+import subprocess
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.real.case import SIMULATED, RealCase, noise_of, noisy, pair
-from benchmarks.real.collect import clone_of
+from benchmarks.real.collect import clone_of, collected
 from benchmarks.real.cut import CUTS
 from benchmarks.real.cut import written as cut_files
 from benchmarks.real.rigs import CASES
@@ -53,6 +54,12 @@ def test_the_lot_is_the_one_that_was_drawn_before_anything_was_run():
     assert {rig for rig, half in half_of.items() if half == "fifth"} == {one.rig for one in FIFTH} - FIFTH_APART
     assert {rig for rig, half in half_of.items() if half == "sixth-apart"} == SIXTH_APART
     assert {rig for rig, half in half_of.items() if half == "sixth"} == {one.rig for one in SIXTH} - SIXTH_APART
+
+
+def test_a_clone_without_the_commit_is_told(tmp_path):
+    subprocess.run(["git", "init", "-q", "--bare", str(tmp_path / "clone")], check=True)
+    taken, absent = collected(EVERY[0], tmp_path / "clone", tmp_path / "rig")
+    assert (taken, absent) == (0, [f"commit {EVERY[0].commit}"])
 
 
 def test_every_case_says_what_is_right_in_ids_of_the_catalogue():

@@ -147,14 +147,7 @@ def without_useless(comparison: Comparison, handed_back: frozenset[str], *, aske
     if not kept:
         ids = (NOT_COMPARED, BEYOND_MEASURE)
         reasons = " ".join(finding.statement for finding in findings if finding.id in ids)
-        raise InputError(
-            reasons.removesuffix("."),
-            expected=f"a channel that moves and has at least {LEAST_SAMPLES} samples with a simulated value outside "
-            "the part that is held out",
-            where="recording and simulation",
-            advice="give longer or more runs, or check the time columns and what the columns hold; join readings that "
-            "come in bursts by --mean-s, e.g. --mean-s 60",
-        )
+        raise _no_basis(reasons.removesuffix("."))
     short = [run for run, rows in comparison.rows_of_runs() if rows.stop - rows.start < LEAST_SAMPLES]
     said = f"has fewer than {LEAST_SAMPLES} samples: what happens in it alone cannot be told from noise."
     findings += [
@@ -172,6 +165,29 @@ def without_useless(comparison: Comparison, handed_back: frozenset[str], *, aske
             evidence = {"largest_difference": float(np.abs(_seen(comparison.difference(name))).max())}
             findings.append(FINDINGS.finding("simulation-is-recording", said, Where(channel=name), evidence))
     return replace(comparison, responses=tuple(kept), findings=tuple(findings))
+
+
+def _no_basis(found: str) -> InputError:
+    return InputError(
+        found,
+        expected=f"a channel that moves and has at least {LEAST_SAMPLES} samples with a simulated value outside "
+        "the part that is held out",
+        where="recording and simulation",
+        advice="give longer or more runs, or check the time columns and what the columns hold; join readings that "
+        "come in bursts by --mean-s, e.g. --mean-s 60",
+    )
+
+
+def require_samples(comparison: Comparison) -> None:
+    """Raises InputError where a comparison that somebody put together has too few samples to learn from."""
+    for name in comparison.responses:
+        fitted = _fitted_samples(comparison, name)
+        if fitted < LEAST_SAMPLES:
+            raise _no_basis(f"{name} has {fitted} samples that can be compared and are not held out")
+
+
+def _fitted_samples(comparison: Comparison, name: str) -> int:
+    return int(np.sum(np.isfinite(comparison.difference(name)) & ~comparison.held_out))
 
 
 def identical_responses(comparison: Comparison) -> tuple[str, ...]:
@@ -199,7 +215,7 @@ def rounding_of(comparison: Comparison, response: str) -> float:
 def _reason(comparison: Comparison, name: str) -> str | None:
     """Why nothing can be learned from a response, as a clause; None if something can."""
     compared = np.isfinite(comparison.difference(name))
-    fitted = int(np.sum(compared & ~comparison.held_out))
+    fitted = _fitted_samples(comparison, name)
     if not compared.any():
         missing = "recorded" if not np.isfinite(comparison.recorded[name]).any() else "simulated"
         return f"has no {missing} value where it could be compared"
