@@ -12,6 +12,7 @@ import pytest
 from selector.diagnosis.open_model.modelled import Improved, diagnosis_of_model, with_longest_steps
 from selector.diagnosis.open_model.refitting import refitted, simulated_rows
 from selector.diagnosis.open_model.runnable import FunctionModel, OwnModel
+from selector.diagnosis.open_model.switches import switches
 from selector.errors import InputError
 from selector.physics.drive.file.model_file import parsed_model_file
 from selector.physics.gauging.gauging_model import gauging_model
@@ -106,6 +107,20 @@ def test_a_deleted_source_of_heat_is_named_with_its_place_and_power():
     for name, fit in found.answer.fit.items():
         # the noise of the instruments, but for a tenth
         assert fit.heldout.rmse_after < 1.1 * (fit.heldout.noise_floor or 0.0), name
+
+
+def test_amounts_that_change_with_speed_are_told_at_the_speed_that_the_changed_file_says():
+    recording = heat_recording()
+    model = heat_model(heat_without("pump"), recording)
+    told = 0
+    for switch in switches(model):
+        changes = dict(switch.changes([2.0]))
+        laws = [value for value in changes.values() if isinstance(value, dict)]
+        said = [law["reference_rpm"] for law in laws if "reference_rpm" in law]
+        said += [value for key, value in changes.items() if key[-1] == "reference_rpm"]
+        assert said == ([] if switch.at_rpm is None else [switch.at_rpm])
+        told += len(said)
+    assert told > 0
 
 
 def test_a_recording_is_not_surely_at_fault_while_the_model_is_still_wrong(monkeypatch):

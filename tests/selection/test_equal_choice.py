@@ -103,17 +103,18 @@ def warm(source: Recording) -> Recording:
 
 
 def test_how_far_the_error_of_few_runs_is_known_is_told_with_it():
-    six, three = machine(n_runs=6), machine(n_runs=3)
+    six, three, two = machine(n_runs=6), machine(n_runs=3), machine(n_runs=2)
     options = Options(responses=("Z",), max_sensors=2)
     assert FEW_RUNS not in {one.id for one in select(six, options).findings}
-    for source, spread, begin in ((three, 0.25, False), (warm(six), 0.35, True)):
+    for source, spread, begin in ((two, 0.25, False), (three, 0.25, False), (warm(six), 0.35, True)):
         found = select(source, options)
         (told,) = [one for one in found.findings if one.id == FEW_RUNS]
         logs = np.log([part.rmse_um for part in found.proof.per_response["Z"]])
         n = len(logs)
         # Student's interval; the usual spread counts three degrees of freedom beside those of the runs
         variance = (3 * spread**2 + ((logs - logs.mean()) ** 2).sum()) / (n + 2)
-        factor = np.exp(stats.t.interval(0.95, n + 2, scale=2.2 * np.sqrt(variance / n))[1])
+        # of two each is predicted by the other alone: they count as one
+        factor = np.exp(stats.t.interval(0.95, n + 2, scale=2.2 * np.sqrt(variance / (n if n > 2 else 1)))[1])
         assert told.evidence["factor"] == pytest.approx(factor)
         low, high = told.evidence["between_um"]["Z"]
         assert low * factor == pytest.approx(found.proof.rmse_um("Z"), rel=0.01)

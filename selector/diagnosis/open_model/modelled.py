@@ -372,6 +372,7 @@ def _named(tried: _Tried) -> list[NamedEffect]:
             for key, q in numbers.items()
             if q.low is not None
         )
+        words += f", at {switch.at_rpm:.0f} rpm" if switch.at_rpm else ""
         was, now = (_squares(fit.comparison) for fit in (before, after))
         shares = {name: (was[name] - now[name]) / max(mismatch[name], 1e-300) for name in was}
         carried = _carried(before.comparison, after.comparison, floor)

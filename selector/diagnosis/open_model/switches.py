@@ -43,6 +43,7 @@ class Switch:
     is_amount: bool = True  #: Whether no amount can be below 0
     #: Whether the effect has other forms, which the file cannot express: its own shapes are tested as well
     is_part: bool = False
+    at_rpm: float | None = None  #: The speed at which an amount that changes with speed is told
 
 
 def switches(model: OwnModel) -> tuple[Switch, ...]:
@@ -208,7 +209,7 @@ def _of_heat(model: OwnModel) -> Iterator[Switch]:
             yield Switch(
                 "thermal.convection", ("film that grows with speed",), ("W/(m²·K)",), (5.0,),
                 lambda a, path=path: ((path, a[0]), ((*path[:2], "reference_rpm"), max(top_rpm, 1.0))),  # type: ignore[misc]
-                (f"films.{name}.speed_w_per_m2_k",), name,
+                (f"films.{name}.speed_w_per_m2_k",), name, at_rpm=max(top_rpm, 1.0),
             )  # fmt: skip
 
 
@@ -219,7 +220,8 @@ def _source(
     name = f"{NEW} {node} {key.removesuffix('_w')}"
     changes = _at(("sources",), lambda a: {name: {"shares": {node: 1.0}, key: a[0], **(law or {})}})
     fitted = [f"sources.{name}.{key}", *([f"sources.{name}.exponent"] if law else [])]
-    return Switch(id_, ("heat",), ("W",), (size,), changes, tuple(fitted), place, shape or {}, is_amount)
+    at_rpm = law["reference_rpm"] if law else None
+    return Switch(id_, ("heat",), ("W",), (size,), changes, tuple(fitted), place, shape or {}, is_amount, at_rpm=at_rpm)
 
 
 def _film(node: str, place: str, id_: str, law: Mapping[str, Any]) -> Switch:
