@@ -226,40 +226,23 @@ def pauses(time_s: NDArray[np.float64]) -> NDArray[np.intp]:
 
 def at_pauses(recording: Recording) -> Recording:
     """The recording, cut at pauses: a part is called after its run, with a number, and counts from its own start."""
-    cut = Parted(recording)
+    cut = parted(recording)
     return recording if cut.runs == recording.runs else thinned(cut, 1)
 
 
-class Parted:
-    """A source with its runs cut where parts begin [s], by default at pauses; provenance holds `told` besides.
+class Windows:
+    """Stretches of a source's runs as runs: each of one run, from when to when, and when it counts from [s].
 
-    Parts that are asked for one after the other cost one pass over their run.
+    Those of a run that are asked for one after the other cost one pass over it.
     """
 
-    def __init__(self, source: RunSource, begins_s: Mapping[str, Sequence[float]] | None = None, **told: bool) -> None:
-        self.channels, self._source = tuple(source.channels), source
+    def __init__(self, source: RunSource, spans: Mapping[str, tuple[str, float, float, float]]) -> None:
+        self.runs, self.channels, self._source, self._spans = tuple(spans), tuple(source.channels), source, spans
+        self.provenance: Mapping[str, Any] = getattr(source, "provenance", {})
         self._going: tuple[tuple[str, Sequence[str], float], Iterator[Any]] | None = None
-        begins_s = {run: _begins_s(source, run) for run in source.runs} if begins_s is None else begins_s
-        of_source: Mapping[str, Any] = getattr(source, "provenance", {})
-        known, parts = (dict(of_source.get(key, {})) for key in ("runs", PARTS))
-        #: Part → its run, from when to when, and when it counts from [s].
-        self._spans: dict[str, tuple[str, float, float, float]] = {}
-        for run in source.runs:
-            begins, of_run = begins_s.get(run, ()), known.get(run, {})
-            if len(begins) < 2:
-                self._spans[run] = run, -np.inf, np.inf, 0.0
-                continue
-            for k, (begin_s, end_s) in enumerate(itertools.pairwise([*begins, np.inf]), 1):
-                name = f"{run} {k}"
-                while name in source.runs or name in self._spans:
-                    name += "'"
-                start = of_run.get("start") and datetime.fromisoformat(of_run["start"]) + timedelta(seconds=begin_s)
-                parts[name], known[name] = (run, begin_s), of_run | {"start": start and start.isoformat()}
-                self._spans[name] = run, begin_s, end_s, begin_s
-        self.runs, self.provenance = tuple(self._spans), {**of_source, "runs": known, PARTS: parts, **told}
 
     def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """(time_s, values) pieces of a part, in order; values of shape (n_samples, n_names)."""
+        """(time_s, values) pieces of a stretch, in order; values of shape (n_samples, n_names)."""
         (whole, begin_s, end_s, zero_s), wanted = self._spans[run], list(names)
         going, self._going = self._going, None
         is_next = going is not None and going[0] == (whole, wanted, begin_s)
@@ -271,6 +254,29 @@ class Parted:
             if of.stop < len(time_s):
                 self._going = (whole, wanted, end_s), itertools.chain([(time_s, values)], pieces)
                 return
+
+
+def parted(source: RunSource, begins_s: Mapping[str, Sequence[float]] | None = None, **told: bool) -> Windows:
+    """A source with its runs cut where parts begin [s], by default at pauses; provenance holds `told` besides."""
+    begins_s = {run: _begins_s(source, run) for run in source.runs} if begins_s is None else begins_s
+    of_source: Mapping[str, Any] = getattr(source, "provenance", {})
+    known, parts = (dict(of_source.get(key, {})) for key in ("runs", PARTS))
+    spans: dict[str, tuple[str, float, float, float]] = {}
+    for run in source.runs:
+        begins, of_run = begins_s.get(run, ()), known.get(run, {})
+        if len(begins) < 2:
+            spans[run] = run, -np.inf, np.inf, 0.0
+            continue
+        for k, (begin_s, end_s) in enumerate(itertools.pairwise([*begins, np.inf]), 1):
+            name = f"{run} {k}"
+            while name in source.runs or name in spans:
+                name += "'"
+            start = of_run.get("start") and datetime.fromisoformat(of_run["start"]) + timedelta(seconds=begin_s)
+            parts[name], known[name] = (run, begin_s), of_run | {"start": start and start.isoformat()}
+            spans[name] = run, begin_s, end_s, begin_s
+    cut = Windows(source, spans)
+    cut.provenance = {**of_source, "runs": known, PARTS: parts, **told}
+    return cut
 
 
 def _begins_s(source: RunSource, run: str) -> list[float]:

@@ -1,14 +1,14 @@
 """Which run went before which, where a run begins, and one long record as the runs that it consists of."""
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 
 import numpy as np
 import pandas as pd
 
 from selector.quality.completeness import is_late
-from selector.recording import Parted, Recording, RunSource, at_pauses, restarts, thinned
+from selector.recording import Recording, RunSource, Windows, at_pauses, parted, restarts, thinned
 from selector.types import Array
 
 Before = tuple[str, float]  #: The run before a run, and how much later than that one it starts [s].
@@ -36,33 +36,24 @@ def in_parts(source: RunSource) -> RunSource:
         return source
     # the last sample at rest is the zero of a part
     begins_s = time_s[[0, *(first[i + 1] - 1 for i in begun[1:])]].tolist()
-    return thinned(Parted(source, {run: begins_s}, at_rests=True), 1)
+    return thinned(parted(source, {run: begins_s}, at_rests=True), 1)
 
 
-class Begun:
+class Begun(Windows):
     """A source whose runs begin with the first reading of a displacement, for those in which it comes late.
 
     What was read before, on the same clock, is a run that it follows.
     """
 
     def __init__(self, source: RunSource, begins_s: Mapping[str, float]) -> None:
-        self._source, self._begins_s = source, begins_s
-        self.runs, self.channels = source.runs, source.channels
-        self.provenance = getattr(source, "provenance", {})
         ending = UNGAUGED
         while any(f"{run}{ending}" in source.runs for run in begins_s):
             ending += "'"
         self.follows: dict[str, Before] = {run: (f"{run}{ending}", 0.0) for run in begins_s}
-        self._whole = {before: run for run, (before, _) in self.follows.items()}
-
-    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[Array, Array]]:
-        """(time_s, values) pieces of a run, from where it begins, or of what was read before that."""
-        whole = self._whole.get(run, run)
-        for time_s, values in self._source.chunks(whole, names):
-            first = int(np.searchsorted(time_s, self._begins_s.get(whole, -np.inf)))
-            of = slice(first) if run in self._whole else slice(first, None)
-            if len(time_s[of]):
-                yield time_s[of], values[of]
+        before = {f"{run}{ending}": (run, -np.inf, begin_s, 0.0) for run, begin_s in begins_s.items()}
+        spans = {run: (run, begins_s.get(run, -np.inf), np.inf, 0.0) for run in source.runs}
+        super().__init__(source, spans | before)
+        self.runs = tuple(source.runs)
 
 
 def begun(source: RunSource, responses: Sequence[str]) -> RunSource:

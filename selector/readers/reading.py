@@ -205,11 +205,6 @@ class Reading:
             found += [(run.file, run.sha256), *((one.file, one.sha256) for one in run.beside)]
         return tuple(found)
 
-    @property
-    def origins(self) -> dict[str, tuple[str, str]]:
-        """Run → where it was read, and the hash of that file."""
-        return {run.name: (run.file, run.sha256) for run in self.runs}
-
     def description(self) -> dict[str, Any]:
         """The `selector.description/1` contract as JSON values.
 

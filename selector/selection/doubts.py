@@ -305,8 +305,8 @@ def known(selection: Selection, surveyed: Survey, datum: Datum, rows: Rows) -> K
     # so many samples tell their own error to 1 / √(2 n) of it
     fewest = min(part.n_samples for parts in proof.per_response.values() for part in parts)
     spread = float(np.sqrt(spread**2 + max(0.5 / max(fewest, 1) - 0.5 / ENOUGH_SAMPLES, 0.0)))
-    # each of two runs is predicted by the other alone: one difference between them, told twice
-    of_runs = n - min(in_a_row, n - 1) * SHARE_OF_THE_RUN_BEFORE if n > 2 else 1.0
+    # two runs are predicted by each other alone, and tell no more than two in a row
+    of_runs = n - (min(in_a_row, n - 1) if n > 2 else 1) * SHARE_OF_THE_RUN_BEFORE
     factors = {
         name: _factor([part.rmse_um for part in parts], of_runs, spread) for name, parts in proof.per_response.items()
     }

@@ -12,7 +12,7 @@ from selector.readers import Machine, Overrides, Reading, is_large, machine, rea
 from selector.readers.files import recording_files
 from selector.readers.finding_table import FILES_SKIPPED, FINDINGS
 from selector.readers.roles.names import printable_name
-from selector.recording import Parted, Recording, RunSource, at_pauses, thinned
+from selector.recording import Recording, RunSource, at_pauses, parted, thinned
 
 INSPECTED_ROWS = 100_000
 _BESIDE = (FILES_SKIPPED,)
@@ -85,7 +85,7 @@ def beside_recordings(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 def provenance_of(reading: Reading) -> dict[str, Any]:
     """The machine's name, and file and SHA-256 of every run, as reports show them."""
-    return _provenance(reading.machine, reading.origins)
+    return _provenance(reading.machine, {run.name: (run.file, run.sha256) for run in reading.runs})
 
 
 def _provenance(declared: Machine | None, origins: Mapping[str, tuple[str, str]]) -> dict[str, Any]:
@@ -109,7 +109,7 @@ def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overri
     )
     origins = {run: (str(entry["file"]), entry["sha256"]) for run, entry in stream.provenance["runs"].items()}
     return StudyData(
-        Parted(StreamWithoutFaults(stream, faults)),
+        parted(StreamWithoutFaults(stream, faults)),
         without_folders((*stream.findings, found, *faults)),
         _provenance(named, origins),
         None,

@@ -15,7 +15,7 @@ from selector.readers import is_large, read, stream_parquet
 from selector.readers import stream as streaming
 from selector.readers.machine_file import machine_from_text
 from selector.readers.tables import Overrides
-from selector.recording import PARTS, Parted, at_pauses
+from selector.recording import PARTS, at_pauses, parted
 from selector.study.data import study_data
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -73,7 +73,7 @@ def test_pieces_are_cut_at_pauses_as_the_whole_recording_is(tmp_path, monkeypatc
         "chunks",
         lambda self, run, names, own=streaming.ParquetSource.chunks: opened.append(run) or own(self, run, names),
     )
-    cut = Parted(source)
+    cut = parted(source)
     assert cut.runs == whole.runs == ("week 1", "week 2", "week 3", "week 4", "day")
     assert cut.provenance[PARTS] == whole.provenance[PARTS]
     opened.clear()

@@ -113,8 +113,8 @@ def test_how_far_the_error_of_few_runs_is_known_is_told_with_it():
         n = len(logs)
         # Student's interval; the usual spread counts three degrees of freedom beside those of the runs
         variance = (3 * spread**2 + ((logs - logs.mean()) ** 2).sum()) / (n + 2)
-        # of two each is predicted by the other alone: they count as one
-        factor = np.exp(stats.t.interval(0.95, n + 2, scale=2.2 * np.sqrt(variance / (n if n > 2 else 1)))[1])
+        # of two each is predicted by the other alone: they count as two in a row
+        factor = np.exp(stats.t.interval(0.95, n + 2, scale=2.2 * np.sqrt(variance / (n if n > 2 else 1.5)))[1])
         assert told.evidence["factor"] == pytest.approx(factor)
         low, high = told.evidence["between_um"]["Z"]
         assert low * factor == pytest.approx(found.proof.rmse_um("Z"), rel=0.01)
