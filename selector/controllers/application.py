@@ -506,7 +506,7 @@ def _worse_than_nothing(overall: Mapping[str, Accuracy]) -> Iterator[Finding]:
                 f"{figures.before_rmse_um:.3g} µm without.",
                 Where(channel=name),
                 figures.as_dict(),
-                "do not use this model here; check the sign, the start readings and the sensors",
+                "do not use this model here; check sign and unit of the displacement, start readings and sensors",
             )
 
 

@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
-from selector.quality.finding_table import DUPLICATE_CHANNEL, FINDINGS
+from selector.quality.finding_table import DUPLICATE_CHANNEL, FINDINGS, ROWS_IN_TWO_RUNS, SAME_FILE_TWICE
 from selector.quality.siblings import Relations
 from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference
 from selector.text_file import shell_word
@@ -47,7 +47,7 @@ def shared_rows(survey: Survey) -> Iterator[Finding]:
         own, other, rows = survey.runs[part], survey.runs[whole], count + _IN_A_ROW - 1
         told = f"Run {own} is run {other}, or a part of it" if is_part else f"Runs {own} and {other} share rows"
         yield FINDINGS.finding(
-            "same-file-twice" if is_part else "rows-in-two-runs",
+            SAME_FILE_TWICE if is_part else ROWS_IN_TWO_RUNS,
             f"{told}: some {rows} rows have the same values in all channels.",
             Where(run=own),
             {"original": other, "rows": rows},

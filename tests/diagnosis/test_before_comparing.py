@@ -166,3 +166,21 @@ def test_a_comparison_that_was_put_together_of_few_rows_is_refused(rows):
     )
     with pytest.raises(InputError, match=f"Z has {rows} samples"):
         diagnosis(given)
+
+
+def test_a_copy_of_a_run_proves_nothing_and_is_left_out():
+    time_s, draw = 60.0 * np.arange(120), np.random.default_rng(2)
+    tables = {}
+    for run in ("r1", "r2", "r3"):
+        course = np.cumsum(draw.normal(size=120))
+        tables[run] = pd.DataFrame({"Z": course + draw.normal(0, 0.1, 120), "sim": 0.8 * course}, index=time_s)
+    tables["r4"] = tables["r3"]
+    channel = Channel("Z", "displacement", "um")
+    given, simulated = (
+        Recording.from_runs({run: of[[name]].set_axis(["Z"], axis=1) for run, of in tables.items()}, [channel])
+        for name in ("Z", "sim")
+    )
+    found = comparison_of(given, simulated)
+    assert found.runs == ("r1", "r2", "r3")
+    assert found.held_out.tolist() == [False] * 240 + [True] * 120
+    assert [one.where.run for one in found.findings if one.id == "same-file-twice"] == ["r4"]

@@ -12,7 +12,8 @@ from selector.diagnosis.matching.runs import rms
 from selector.errors import InputError
 from selector.findings import Finding, Level, Where
 from selector.quality.broken_sensors import broken_sensors, out_of_range
-from selector.quality.finding_table import OUT_OF_RANGE, SENSOR_BREAK
+from selector.quality.finding_table import OUT_OF_RANGE, ROWS_IN_TWO_RUNS, SAME_FILE_TWICE, SENSOR_BREAK
+from selector.quality.identity import shared_rows
 from selector.quality.leave_out import blanked
 from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_temperature_units
@@ -267,21 +268,23 @@ def _seen(values: Vector) -> Vector:
 
 
 #: In the order of `selector.quality.inspect`: what one finds is blank for the next.
-_CHECKS = (broken_sensors, wrong_temperature_units, out_of_range)
+_CHECKS = (shared_rows, broken_sensors, wrong_temperature_units, out_of_range)
 #: What is left out. A frozen or stepped reading is one, and a fault that a diagnosis can name.
-_NO_READINGS = (SENSOR_BREAK, OUT_OF_RANGE)
+_NO_READINGS = (SENSOR_BREAK, OUT_OF_RANGE, SAME_FILE_TWICE, ROWS_IN_TWO_RUNS)
 
 
 def without_codes(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """The recording with missing samples where no reading stands, and what was left out, as findings.
+    """The recording with missing samples where no reading stands, without copies of runs; and what was left out.
 
-    Every run and every channel stays, if only as missing samples; the recording itself, and no finding, if there are
-    no such samples. Ids: ``sensor-break``, ``out-of-range``; all of them warnings, for what is left out does no more
-    harm to the answer. O(samples).
+    Every other run and every channel stays, if only as missing samples; the recording itself if there are no such
+    samples. Findings ``sensor-break``, ``out-of-range``, ``same-file-twice``, ``rows-in-two-runs``; all of them
+    warnings, for what is left out does no more harm to the answer. O(samples).
     """
     codes = (finding for finding in Survey(recording).found_by(_CHECKS) if finding.id in _NO_READINGS)
     found = [replace(finding, level="warning") for finding in codes]
-    return (blanked(recording, found, recording.runs, recording.channels) if found else recording), tuple(found)
+    copies = [finding.where.run for finding in found if finding.id == SAME_FILE_TWICE]
+    runs = [run for run in recording.runs if run not in copies]
+    return (blanked(recording, found, runs, recording.channels) if found else recording), tuple(found)
 
 
 def without_fitted_difference(comparison: Comparison) -> tuple[str, ...]:
