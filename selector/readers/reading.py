@@ -52,6 +52,8 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
             if not any(run.name in channel.headers for channel in planned.channels):
                 role = shell_word(f"{run.columns[0].header if run.columns else 'COLUMN'}=displacement")
                 advice = f"say what its columns measure, e.g. --role {role}, or leave this file out"
+            elif any(run.name in channel.left_out for channel in planned.channels):
+                advice = f'see what leave_out of [runs."{run.name}"] in the machine file takes, or say use = false'
             raise ReadError(
                 f"no value in any of the channels {', '.join(names[:10])}",
                 expected="numbers in at least one channel",

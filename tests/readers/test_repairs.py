@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from selector.cli import exit_status
-from selector.errors import RecordingError, UnitError
+from selector.errors import ReadError, RecordingError, UnitError
 from selector.readers import read
 from selector.readers.stream import stream_parquet
 from selector.shipped import shipped
@@ -194,6 +194,12 @@ def test_a_stretch_beyond_its_run_is_told(folder):
     assert told.evidence["leave_out"] == [[36000.0, 72000.0]]
     whole = read([folder], machine(folder, '[runs.r1.channels.T2]\nleave_out = "all"'))
     assert "repair-of-no-sample" not in {one.id for one in whole.findings}
+
+
+def test_a_run_of_which_repairs_leave_nothing_is_refused_with_their_place(folder):
+    repairs = "".join(f'[runs.r1.channels.{name}]\nleave_out = "all"\n' for name in ("T1", "T2", "Z"))
+    with pytest.raises(ReadError, match=r'leave_out of \[runs\."r1"\]'):
+        read([folder], machine(folder, repairs))
 
 
 def test_describe_writes_the_repairs_that_its_findings_prove(tmp_path, capsys):
