@@ -53,9 +53,9 @@ from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, is_slo
 from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
 from selector.diagnosis.matching.usable import (
     diagnosis_of_copy,
-    require_samples,
     told_of_copies,
     with_copies,
+    with_enough_samples,
     without_fitted_difference,
 )
 from selector.diagnosis.mismatch.omnibus import Structure, comes_again, of_whole_record, told_of_wandering, unexplained
@@ -99,10 +99,9 @@ def diagnosis(
 
     Raises InputError if the comparison is no basis for an answer.
     """
-    require_samples(comparison)
-    known = tuple(effects if effects is not None else catalogue())
-    asked = _Asked(seed, false_alarm, known, progress or (lambda done, total, text: None))
-    answer = _staged(_State(comparison, asked))
+    known = catalogue() if effects is None else effects
+    asked = _Asked(seed, false_alarm, tuple(known), progress or (lambda done, total, text: None))
+    answer = _staged(_State(with_enough_samples(comparison), asked))
     if answer.verdict == "unexplained" or any(effect.id in _LIKE_RESONANCES for effect in answer.effects):
         return _recalibrated_resonances(answer, asked) or answer
     return answer

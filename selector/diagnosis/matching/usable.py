@@ -179,12 +179,13 @@ def _no_basis(found: str) -> InputError:
     )
 
 
-def require_samples(comparison: Comparison) -> None:
-    """Raises InputError where a comparison that somebody put together has too few samples to learn from."""
+def with_enough_samples(comparison: Comparison) -> Comparison:
+    """A comparison that somebody put together, as it is. Raises InputError: it has too few samples to learn from."""
     for name in comparison.responses:
         fitted = _fitted_samples(comparison, name)
         if fitted < LEAST_SAMPLES:
             raise _no_basis(f"{name} has {fitted} samples that can be compared and are not held out")
+    return comparison
 
 
 def _fitted_samples(comparison: Comparison, name: str) -> int:
