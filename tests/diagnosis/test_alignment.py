@@ -155,6 +155,7 @@ def test_runs_and_channels_that_only_one_has():
     assert [(f.id, f.where.run, f.action) for f in comparison.findings] == [("run-not-compared", "b", "leave-out-run")]
     assert [f.id for f in comparison_of(other, sim, responses=["Z"]).findings] == [
         "simulated-only",
+        "same-file-twice",  # both are the course without its noise
         "simulation-is-recording",
     ]
 
