@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.wording import headline, what_to_do
 from selector.telling.diagnosed.account import diagnosis_account
 from selector.telling.diagnosed.document import diagnosis_of
@@ -47,6 +48,14 @@ def test_the_page_holds_where_what_how_much_why_and_what_is_missed():
     assert "Not testable with this record" in text
     figures = [one for tag, name, one in page.attributes if tag == "div" and name == "id" and one.startswith("figure-")]
     assert len(figures) == 3  # map, two responses
+
+
+def test_numbers_that_were_put_into_a_model_file_are_shown_with_its_keys():
+    found = answer()
+    heat = {"speed_w": Quantity(185.0, "W", 167.0, 203.0), "exponent": Quantity(1.01, "1", 0.99, 1.03)}
+    effect = replace(found.effects[0], id="thermal.speed_heating", parameters=heat)
+    cells = Page(diagnosis_html(replace(found, effects=(effect,)))).cells
+    assert {"speed_w", "185 W (167 to 203)", "exponent"} <= set(cells)
 
 
 def test_a_set_is_shown_with_the_run_that_tells():

@@ -165,11 +165,9 @@ def _effect(found: Diagnosis, effect: NamedEffect) -> Iterator[Block]:
     yield Note(f"{'; '.join(told)}. Seen in {seen}.", on_screen=True)
     if effect.parameters:
         meanings = {one.name: one.meaning for one in known.parameters} if known else {}
-        rows = [
-            [meanings.get(name, name.replace("_", " ")), _quantity_text(quantity)]
-            for name, quantity in effect.parameters.items()
-            if name in meanings or not meanings
-        ]
+        # what was put into a model file has the names of its keys
+        shown = [name for name in effect.parameters if name in meanings] or effect.parameters
+        rows = [[meanings.get(name, name), _quantity_text(effect.parameters[name])] for name in shown]
         yield Captioned("", table(["parameter", ">value (95 % interval)"], rows))
     alike = listed([name_of(id_) for id_ in effect.cannot_be_told_from], "or")
     if alike:
