@@ -116,17 +116,14 @@ def candidates(question: Question, bench: Bench) -> Candidates:
 
 
 def sets_with_terms(
-    question: Question, bench: Bench, pool: Sequence[str], shape: Shape, most: int | None = None
+    question: Question, bench: Bench, pool: Sequence[str], shape: Shape, most: int | None = None, alone: bool = True
 ) -> list[tuple[str, ...]]:
-    """Exact best sets of every size, up to `most`, of some sensors when each brings all terms of a shape.
-
-    For every response, and for all of them together.
-    """
+    """Exact best sets of every size, up to `most`, by all terms of a shape: for each response `alone`, and for all."""
     options = question.options
     owners = bench.library.owners(pool, shape)
     moving = _moving_responses(bench)
     sets: dict[tuple[str, ...], None] = {}
-    for together in [*([j] for j in moving), *([moving] if len(moving) > 1 else [])]:
+    for together in [*([j] for j in moving if alone), *([moving] if len(moving) > 1 else [])]:
         cross, of_all = _side_by_side(bench, pool, shape, together), owners * len(together)
         # the search wants terms that belong to no sensor last
         order = sorted(range(len(of_all)), key=lambda i: not of_all[i])
@@ -292,7 +289,8 @@ def _linear_sets(question: Question, bench: Bench, pool: Sequence[str]) -> list[
         for several in (list(pool), [name for name in pool if any(name in one for one in sets)]):
             sizes = range(1, min(options.max_sensors, len(several)) + 1)
             most = max(size for size in sizes if size == 1 or math.comb(len(several), size) <= MOST_TOGETHER)
-            sets.update(dict.fromkeys(sets_with_terms(question, bench, several, LINEAR, most)))
+            alone = _per_size(several) > _per_size(pool)  # else those of each response are known by now
+            sets.update(dict.fromkeys(sets_with_terms(question, bench, several, LINEAR, most, alone)))
     # where no displacement moves in these folds nothing can be ranked
     must = tuple(name for name in pool if name in options.must)
     return list(sets) or ([must] if must else [(name,) for name in pool])

@@ -84,6 +84,8 @@ def eliminate(a: Any, stride: int, rows: int, columns: int, pivots: int, toleran
                 f1 = a[j1 * n + i] * i1
                 f2 = a[j2 * n + i] * i2
                 f3 = a[j3 * n + i] * i3
+                if f0 == 0.0 and f1 == 0.0 and f2 == 0.0 and f3 == 0.0:
+                    continue  # columns of another response
                 for e in range(i, c):
                     a[i * n + e] += f0 * a[j * n + e] + f1 * a[j1 * n + e] + f2 * a[j2 * n + e] + f3 * a[j3 * n + e]
         j = end
