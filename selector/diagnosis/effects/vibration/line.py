@@ -27,9 +27,10 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     shortest = min(float(comparison.time_s[rows][-1]) for _, rows in comparison.rows_of_runs())
     lowest = max(_FEWEST_CYCLES / max(shortest, comparison.period_s), 0.5)
     n_fitted = sum(part.start < part.stop for part in fitted_parts(comparison))
-    own = resonances_of(comparison, response)
     octaves = np.log(max(0.5 / comparison.period_s / lowest, math.e))
-    for line in lines(comparison, unexplained(comparison, response), time, even, lowest=lowest, chance=_CHANCE):
+    found = lines(comparison, unexplained(comparison, response), time, even, lowest=lowest, chance=_CHANCE)
+    own = resonances_of(comparison, response) if found else ()
+    for line in found:
         # a frequency of many, as likely in one octave as in another
         looked = max(line.cycles * shortest * float(octaves), 1.0)
         shape = {"frequency_hz": Quantity(line.cycles, "Hz")}
@@ -40,8 +41,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         looked_at = looked * float(np.exp(1.0 + min(len(line.runs), n_fitted)))
         looked_at *= len(comparison.runs) if run is not None else 1
         rings = _RINGS if any(abs(line.cycles - f0) < 2.0 * damping * f0 for f0, damping in own) else 1.0
-        looked_at *= rings
-        yield Variant(aligned[:, None], words, shape, run=run, looked_at=looked_at)
+        yield Variant(aligned[:, None], words, shape, run=run, looked_at=looked_at * rings)
         if len(line.runs) > 1:
             turn = 2.0 * np.pi * line.cycles * time
             columns = np.column_stack([np.cos(turn), np.sin(turn)])
