@@ -31,15 +31,17 @@ demo: $(BASE)
 	@echo "selector demo"
 	@$(BIN)/selector demo
 
-# What takes seconds comes first, and its first failure stops the rest. Types take two minutes of one processor where
-# nothing is known of them yet: they are checked while tests wait for a control or a browser, and told after them.
+# Types take a minute of one processor where nothing is known of them yet: they are checked from the beginning, beside
+# what takes seconds, whose first failure stops the rest, and while tests wait for a control or a browser; they are told
+# after them. The package is compiled once, before several processes would each do it at the same time.
 test: $(STAMP)
-	@echo "== ruff check";    $(BIN)/ruff check .
-	@echo "== ruff format";   $(BIN)/ruff format --check .
-	@echo "== lint-imports";  $(BIN)/lint-imports
-	@echo "== pytest, mypy --strict beside it"
 	@told=$$(mktemp); $(BIN)/mypy >"$$told" 2>&1 & types=$$!; \
 	trap 'kill $$types 2>/dev/null; rm -f "$$told"' EXIT; trap 'exit 130' INT TERM; \
+	echo "== ruff check";   $(BIN)/ruff check . || exit 1; \
+	echo "== ruff format";  $(BIN)/ruff format --check . || exit 1; \
+	echo "== lint-imports"; $(BIN)/lint-imports || exit 1; \
+	$(BIN)/python -m compileall -q selector proving_ground || exit 1; \
+	echo "== pytest, mypy --strict beside it"; \
 	$(PYTEST) $(TESTS); tested=$$?; \
 	wait $$types; typed=$$?; trap - EXIT; cat "$$told"; rm -f "$$told"; \
 	test $$tested -eq 0 && test $$typed -eq 0

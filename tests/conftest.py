@@ -26,15 +26,16 @@ settings.load_profile("unhurried")
 
 # Browsers, servers and a control: of 730 s in one process, on a busy machine, they and their browser computed 170.
 WAITING = ("tests/workbench/", "tests/live/", "tests/controllers/test_linuxcnc")
+LONGEST = ("tests/docs/test_site.py",)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What waits begins, in one process beside others that compute; at the end it would wait alone.
+    """What waits begins, in one process beside others that compute, and the longest test: at the end they were alone.
 
     Folders stay whole, and in their order: `--dist worksteal` deals the first part to the first process, from whose
     end the others then take.
     """
-    items.sort(key=lambda item: not item.nodeid.startswith(WAITING))
+    items.sort(key=lambda item: not item.nodeid.startswith(WAITING + LONGEST))
 
 
 def pytest_collection_finish() -> None:
