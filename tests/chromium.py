@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
+
+from tests.patience import PATIENCE_S
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
@@ -22,3 +26,21 @@ def browser():
         )
         yield opened
         opened.close()
+
+
+@pytest.fixture
+def shown(browser) -> Callable[[Path], tuple[str, list[str]]]:
+    """A file as the browser has it when all of its figures are drawn, and all that its console said."""
+    api = pytest.importorskip("playwright.sync_api")
+
+    def opened(path: Path) -> tuple[str, list[str]]:
+        page, said = browser.new_page(), []
+        page.on("console", lambda line: said.append(line.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(path.as_uri())
+        api.expect(page.locator(".plot:not(:has(.main-svg))")).to_have_count(0, timeout=1000 * PATIENCE_S)
+        content = page.content()
+        page.close()
+        return content, said
+
+    return opened

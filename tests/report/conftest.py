@@ -1,3 +1,4 @@
 """Pages are tried in one browser."""
 
 from tests.chromium import browser as browser
+from tests.chromium import shown as shown
