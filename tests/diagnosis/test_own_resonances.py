@@ -12,7 +12,7 @@ from selector.diagnosis.shapes.own_resonances import with_moved_resonances
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 
-PERIOD_S, N, RUNS = 1e-3, 2500, 3
+PERIOD_S, N, RUNS = 1e-3, 1500, 3
 SIMULATED = ((48.0, 0.03, 1.0), (131.0, 0.02, 0.4))
 
 
