@@ -274,7 +274,7 @@ def frozen(survey: Survey) -> Iterator[Finding]:
             for run, still in long.items()
         }
         every = np.sort(np.concatenate([np.empty(0), *clear.values()]))
-        usual = float(np.quantile(every, 0.2)) if every.size >= 4 else None
+        usual = float(np.quantile(every, 0.2)) if every.size >= 2 else None
         for run, noise in clear.items() if every.size else ():
             # what else is left aside in a run lifts the lower fifth of the rest by so many ranks at most
             highest = every[min(every.size // 5 + 1 + noise.size, every.size - 1)]
@@ -299,7 +299,7 @@ def _frozen_in(
     own = _noise_beside(survey, run, column, still, aside)
     if own.size < clear[run].size:
         every = np.concatenate([own, *(elsewhere for other, elsewhere in clear.items() if other != run)])
-        noise = float(np.quantile(every, 0.2)) if every.size >= 4 else None
+        noise = float(np.quantile(every, 0.2)) if every.size >= 2 else None
     if noise is None or noise < _ABOVE_ROUNDING * quantum or noise == 0.0:
         return
     pure = np.sqrt(noise**2 - quantum**2 / 12.0)

@@ -52,6 +52,14 @@ def test_stuck_at_a_coarse_resolution_is_told_by_the_siblings(tables):
     assert found.evidence["resolution"] == 1.0
 
 
+def test_a_single_run_that_is_frozen_most_of_the_time_has_noise_enough_before(tables):
+    tables = {"r1": tables["r1"].iloc[:240].copy()}
+    tables["r1"].iloc[75:, tables["r1"].columns.get_loc("T3")] = tables["r1"]["T3"].iloc[75]
+    found = the_one(tables, "stuck")
+    assert (found.where.channel, found.where.to_s) == ("T3", tables["r1"].index[-1])
+    assert found.evidence["samples"] == pytest.approx(165, abs=1)
+
+
 def test_a_frozen_end_of_a_run_says_so(tables):
     tables["r1"].iloc[600:, tables["r1"].columns.get_loc("Z")] = tables["r1"]["Z"].iloc[600]
     found = the_one(tables, "stuck")
