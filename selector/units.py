@@ -77,12 +77,12 @@ def unit_for_role(unit: str, role: str, *, where: str) -> str:
         raise UnitError(
             f"unit {unit!r} is not known", where=where,
             expected=f"a unit that can be converted to {canonical}, the unit of role {role!r}",
-            advice=f'correct the unit in the machine file, e.g. unit = "{canonical}"',
+            advice=f'correct this unit, e.g. to "{canonical}"',
         )  # fmt: skip
     if not same_dimension(known, canonical):
         raise UnitError(
             f"unit {unit!r} does not fit role {role!r}", expected=f"a unit that can be converted to {canonical}",
-            where=where, advice="correct the unit or the role of this channel in the machine file",
+            where=where, advice="correct this unit, or the role of the channel",
         )  # fmt: skip
     return known
 

@@ -156,8 +156,11 @@ def test_overrides_of_role_and_unit(reads, column):
         reads(CONTENT, roles={"PT1": "ambient"})
     with pytest.raises(OptionError, match="'warm'"):
         reads(CONTENT, roles={"PT01": "warm"})
-    with pytest.raises(UnitError):
-        reads(CONTENT, roles={"PT01": "temperature"}, units={"PT01": "mm"})
+    for unit in ("mm", "furlong"):
+        with pytest.raises(UnitError) as raised:
+            reads(CONTENT, roles={"PT01": "temperature"}, units={"PT01": unit})
+        assert raised.value.where == f"--unit PT01={unit}"
+        assert "machine file" not in raised.value.advice
 
 
 def test_an_unknown_unit_is_told(reads, ids):

@@ -358,7 +358,7 @@ def _planned(
     unit_guessed = False
     where = f"channel {name!r}" + (" of the machine file" if strict else "")
     if asked_unit is not None:
-        declared = unit_for_role(asked_unit, guess.role, where=where)
+        declared = unit_for_role(asked_unit, guess.role, where=f"--unit {name}={option}" if option else where)
         units, printed, ruling = believed(declared, in_file, by_option=option is not None)
         if printed:
             dispute = Dispute(name, guess.role, ruling, tuple(printed.items()), declared)
