@@ -146,10 +146,7 @@ def _moved_together(moves: Iterable[tuple[Path | None, Path]], aside: Callable[[
 
 
 def refuse_to_overwrite(path: Path, *, force: bool, option: str) -> None:
-    """Ends with an error when the file exists and the user did not say ``--force``.
-
-    Raises OptionError: the file exists.
-    """
+    """Raises OptionError: the file exists, and the user did not say ``--force``."""
     if path.is_dir() or (path.exists() and not force):
         what = "folder" if path.is_dir() else "file"
         raise OptionError(
@@ -161,10 +158,7 @@ def refuse_to_overwrite(path: Path, *, force: bool, option: str) -> None:
 
 
 def refuse_to_replace_input(path: Path, inputs: Iterable[str | Path], option: str) -> None:
-    """Ends with an error when the file to be written is one of those that were read, whatever its name there was.
-
-    Raises OptionError: it is.
-    """
+    """Raises OptionError: the file to be written is one of those that were read, whatever its name there was."""
     if path.exists() and any(Path(file).exists() and path.samefile(file) for file in inputs):
         found = "this file is one of the inputs, and would be lost"
         expected = "a file that is not read by the same command"
@@ -185,11 +179,9 @@ def begins_with(path: Path, mark: str) -> bool:
 
 
 def require_replaceable(folder: Path, marks: Mapping[str, str], option: str = "--out") -> None:
-    """Ends with an error where something stands in the place of a result that does not begin as results do.
+    """Raises OptionError: in the place of a result stands something that does not begin as results do.
 
     `marks`: name of the file → what it has near its beginning if an earlier run of the same command wrote it.
-
-    Raises OptionError: there is such a file.
     """
     foreign = [
         name for name, mark in marks.items() if (folder / name).exists() and not begins_with(folder / name, mark)

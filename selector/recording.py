@@ -160,10 +160,7 @@ class Recording:
         return {name: i for i, name in enumerate(self.names)}
 
     def channel(self, name: str) -> Channel:
-        """The channel of this name.
-
-        Raises RecordingError: there is none; the message lists those that there are.
-        """
+        """The channel of this name. Raises RecordingError: there is none; the message lists those that there are."""
         if name not in self._column:
             raise no_channel(name, self.names)
         return self.channels[self._column[name]]

@@ -265,10 +265,7 @@ class Exploration:
         return {size: trial.set.sensors for size, trial in choice.by_size.items()}
 
     def cut(self, level: float) -> Cut:
-        """What this λ gives.
-
-        Raises OptionError: λ is not within [0, 1].
-        """
+        """What this λ gives. Raises OptionError: λ is not within [0, 1]."""
         options = replace(self.question.options, level=level)
         meant = snapped(level, self.axis)
         number = max(i for i, high in enumerate(self.axis.highs) if meant <= high or i == 0)

@@ -238,10 +238,7 @@ def question_of(source: RunSource, options: Options) -> Question:
 
 
 def allowed_sensors(sensors: Iterable[str], options: Options) -> tuple[str, ...]:
-    """The sensors that ``--never`` leaves.
-
-    Raises OptionError: it leaves none.
-    """
+    """The sensors that ``--never`` leaves. Raises OptionError: it leaves none."""
     allowed = tuple(name for name in sensors if name not in options.never)
     if not allowed:
         expected, advice = "at least one sensor left", "take a sensor out of --never"

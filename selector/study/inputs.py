@@ -106,10 +106,7 @@ def changes(study: Study, folder: str | Path) -> tuple[Change, ...]:
 
 
 def require_unchanged(study: Study, place: str | Path) -> None:
-    """Ends with an error when the files of the study file at `place` are not those it was made of.
-
-    Raises StudyError: they are not; the message names each of them with its hashes.
-    """
+    """Raises StudyError: the files of the study file at `place` are not those it was made of, with their hashes."""
     found = changes(study, Path(place).parent)
     if found:
         raise StudyError(

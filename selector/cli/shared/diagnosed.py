@@ -324,10 +324,7 @@ def write_correction(
 
 
 def require_replaceable(folder: Path, *, with_model: bool) -> None:
-    """Ends with an error where a file stands in `folder` in the place of one of ours, and no diagnosis wrote it.
-
-    Raises OptionError: there is such a file.
-    """
+    """Raises OptionError: in `folder` a file stands in the place of one of ours, and no diagnosis wrote it."""
     atomic_file.require_replaceable(
         folder, {name: mark for name, mark in _OURS.items() if with_model or name != "improved.toml"}
     )

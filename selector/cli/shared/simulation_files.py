@@ -70,10 +70,7 @@ def driven_destination(out: Path, reading: Reading, report: Path | None, read: I
 
 
 def require_free_folder(out: Path, why_folder: str) -> None:
-    """Refuses a file where a folder is to be; a name that ends in .csv may be meant for a single run.
-
-    Raises OptionError: there is such a file.
-    """
+    """Raises OptionError: a file stands where a folder is to be. A name in .csv may be meant for a single run."""
     if out.exists() and not out.is_dir() and out.suffix.lower() != ".csv":
         raise OptionError(
             "a file of this name exists", expected=f"a folder, or a name that is free: {why_folder}",

@@ -59,10 +59,7 @@ class Source:
         return read(self.runs, machine=self.machine, overrides=replace(self.overrides(), needed=needed))
 
     def refuse_unread(self, option: str) -> None:
-        """Ends with an error where something is said about recordings though none are named; `option` names them.
-
-        Raises OptionError: it is.
-        """
+        """Raises OptionError: something is said about recordings, and none are named; `option` names them."""
         for name, annotation in inspect.get_annotations(Source, eval_str=True).items():
             value = getattr(self, name)
             if name == "runs" or value is None or value == []:
