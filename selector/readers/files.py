@@ -1,5 +1,6 @@
 """Which files are recordings, and in which format each of them is."""
 
+import contextlib
 import hashlib
 import re
 from collections.abc import Callable, Sequence
@@ -101,29 +102,20 @@ def recording_files(paths: Sequence[Path]) -> Found:
 
 def _nothing_there(path: Path) -> ReadError:
     if path.exists():
-        return ReadError(
-            "not a regular file but a device, a pipe or a socket",
-            expected="a recording in a file, or a folder of recordings",
-            where=str(path)[:300],
-            advice="write the recording into a file and name that",
-        )
-    if path.is_symlink():
-        return ReadError(
-            f"a link to {str(path.readlink())[:200]}, which leads to no file",
-            expected="a recording, or a link to one",
-            where=str(path)[:300],
-            advice="name the recording itself, or mend the link",
-        )
-    try:
-        near = closest(path.name, [p.name for p in path.parent.iterdir()]) if path.parent.is_dir() else None
-    except OSError:
+        found = "not a regular file but a device, a pipe or a socket"
+        expected = "a recording in a file, or a folder of recordings"
+        advice = "write the recording into a file and name that"
+    elif path.is_symlink():
+        found = f"a link to {str(path.readlink())[:200]}, which leads to no file"
+        expected = "a recording, or a link to one"
+        advice = "name the recording itself, or mend the link"
+    else:
         near = None
-    return ReadError(
-        "no such file or folder",
-        expected="a recording" + (f" (nearest name there: {near!r})" if near else ""),
-        where=str(path)[:300],
-        advice="correct the path",
-    )
+        with contextlib.suppress(OSError):
+            near = closest(path.name, [p.name for p in path.parent.iterdir()]) if path.parent.is_dir() else None
+        found, advice = "no such file or folder", "correct the path"
+        expected = "a recording" + (f" (nearest name there: {near!r})" if near else "")
+    return ReadError(found, expected=expected, where=str(path)[:300], advice=advice)
 
 
 def _machine_of_lake(folder: Path) -> Path:

@@ -95,17 +95,18 @@ def _left_out_for_gaps(
 ) -> dict[str, float]:
     """Adds reasons for sensors that are missing too often; R² on the others of every sensor with gaps."""
     likeness: dict[str, float] = {}
+
+    def leave_out(name: str, why: str) -> None:
+        advice = f"check its wiring; if it must be kept at the price of those samples: --must {shell_word(name)}"
+        reasons[name] = SENSOR_MISSING, f"is missing in {100 * gaps[name]:.0f} % of the samples{why}", advice
+
     for name in sorted((n for n, share in gaps.items() if share > FEW_MISSING), key=lambda n: -gaps[n]):
         others = [other for other in gaps if other != name and other not in reasons and gaps[other] <= FEW_MISSING]
         likeness[name] = _explained(source, name, others) if others else float("nan")
         is_spared = gaps[name] > WORTH_ITS_GAPS and likeness[name] >= REPLACEABLE_R2
         if name not in must and (is_spared or gaps[name] > MOST_MISSING):
-            reasons[name] = (
-                SENSOR_MISSING,
-                f"is missing in {100 * gaps[name]:.0f} % of the samples"
-                + ("" if math.isnan(likeness[name]) else f"; others explain {100 * likeness[name]:.1f} % of it"),
-                f"check its wiring; if it must be kept at the price of those samples: --must {shell_word(name)}",
-            )
+            explained = f"; others explain {100 * likeness[name]:.1f} % of it"
+            leave_out(name, "" if math.isnan(likeness[name]) else explained)
     spare = sorted(
         (n for n in likeness if n not in reasons and n not in must), key=lambda n: -np.nan_to_num(likeness[n])
     )
@@ -114,13 +115,8 @@ def _left_out_for_gaps(
         complete = _complete_share(source, kept)
         if complete >= ENOUGH_COMPLETE:
             break
-        name = spare.pop(0)
-        reasons[name] = (
-            SENSOR_MISSING,
-            f"is missing in {100 * gaps[name]:.0f} % of the samples, and with the gaps of others only "
-            f"{100 * complete:.0f} % of the samples would be complete",
-            f"check its wiring; if it must be kept at the price of those samples: --must {shell_word(name)}",
-        )
+        why = f", and with the gaps of others only {100 * complete:.0f} % of the samples would be complete"
+        leave_out(spare.pop(0), why)
     return likeness
 
 

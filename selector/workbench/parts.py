@@ -96,11 +96,7 @@ def _remark(finding: Finding, beside: Callable[[Finding], list[Any]]) -> Compone
 
 
 def table(
-    columns: Sequence[str],
-    rows: Iterable[Sequence[Any]],
-    numeric: Sequence[str] = (),
-    caption: str | None = None,
-    name: str = "",
+    columns: Sequence[str], rows: Iterable[Sequence[Any]], numeric: Sequence[str] = (), name: str = ""
 ) -> Component:
     """A table of texts and components in a frame that scrolls sideways; columns in `numeric` stand to the right."""
     classes = ["number" if column in numeric else "" for column in columns]
@@ -108,8 +104,7 @@ def table(
         [html.Th(column, className=kind, scope="col") for column, kind in zip(columns, classes, strict=True)]
     )
     body = [html.Tr([html.Td(cell, className=kind) for cell, kind in zip(row, classes, strict=True)]) for row in rows]
-    above = [html.Caption(caption)] if caption else []
-    return html.Div(html.Table([*above, html.Thead(head), html.Tbody(body)], className=name), className="scroll")
+    return html.Div(html.Table([html.Thead(head), html.Tbody(body)], className=name), className="scroll")
 
 
 def graph(drawn: go.Figure, title: str = "", note: str = "") -> Component:

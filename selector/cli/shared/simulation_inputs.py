@@ -13,6 +13,7 @@ from selector.findings import Finding, Where
 from selector.physics.model_text import file_beside
 from selector.physics.simulation_kind import DutyCycle
 from selector.readers.finding_table import UNIT_CONFLICT
+from selector.readers.tables import listed
 from selector.readers.window import WINDOW
 
 if TYPE_CHECKING:
@@ -167,7 +168,8 @@ def _in_its_units(paths: Sequence[Path], recorded: Reading, machine: Machine, ov
             paths, machine.model_copy(update={"channels": channels}), dataclasses.replace(overrides, units=units)
         )
     except UnitError as error:
-        where = f"headers of the simulation {_listed(paths)}, {error.where.removesuffix(' of the machine file')}"
+        place = error.where.removesuffix(" of the machine file")
+        where = f"headers of the simulation {listed(map(str, paths), 3)}, {place}"
         advice = "correct the unit in the header, or simulate the quantity that was recorded"
         raise error.at(where, advice=advice) from error
 
@@ -193,16 +195,12 @@ def _unit_by_length(found: Reading, recorded: Reading, usual: str | None) -> str
     return usual if not fitting or usual in fitting else fitting[0]
 
 
-def _listed(paths: Sequence[Path]) -> str:
-    return ", ".join(str(path) for path in paths[:3]) + (" …" if len(paths) > 3 else "")
-
-
 def _nothing_in_common(paths: Sequence[Path], recorded: Reading, names: Sequence[str]) -> ReadError:
     has = f"the simulation has {', '.join(names[:12])}" if names else "the simulation has no channels"
     return ReadError(
         f"none of the recorded channels; {has}",
         expected=f"columns with some of {', '.join(recorded.recording.names[:12])}",
-        where=f"--simulation {_listed(paths)}",
+        where=f"--simulation {listed(map(str, paths), 3)}",
         advice="name the simulated columns as the recorded channels, or as the columns in the machine file",
     )
 

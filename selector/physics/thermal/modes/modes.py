@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from selector.errors import InputError
 from selector.physics.thermal.modes.cyclogram import Cyclogram
@@ -108,17 +109,14 @@ class ModalModel:
         return np.eye(len(self.tau_s)) + share[:, None, None] * self.cooling_growth
 
 
-def require_tested(speed_rpm: Vector, fastest_rpm: float) -> Vector:
-    """The speeds [r/min], none of them negative or beyond the fastest tested one.
-
-    Raises InputError for others.
-    """
+def require_tested(speed_rpm: ArrayLike, fastest_rpm: float, which: str = "the fastest tested one") -> Vector:
+    """The speeds [r/min]. Raises InputError: one is negative or beyond the fastest; `which` says what that is."""
     speed = np.atleast_1d(np.asarray(speed_rpm, dtype=np.float64))
     inside = (speed >= 0.0) & (speed <= fastest_rpm * (1.0 + BEYOND))
     if not inside.all():
         raise InputError(
             f"{speed[~inside][0]:g} r/min",
-            expected=f"speeds from 0 to {fastest_rpm:g} r/min, the fastest tested one",
+            expected=f"speeds from 0 to {fastest_rpm:g} r/min, {which}",
             where="duty cycle",
             advice="test the machine at that speed, or keep the duty cycle within the tested speeds",
         )

@@ -12,6 +12,7 @@ from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS
 from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import require_tested
 from selector.physics.thermal.modes.thermal_test import (
     ModeData,
     Stretch,
@@ -25,7 +26,6 @@ from selector.types import Vector
 MOST_EXPONENTIALS = 3
 #: Exponentials closer than this are not told apart by noisy curves, and their amplitudes grow without bound.
 CLOSEST_RATIO = 1.5
-_BEYOND = 0.005  #: Speeds this fraction above the fastest tested one are still that speed, as for the modes.
 #: A block counts as at most so many samples: what is left is then lack of fit, no smaller in a longer block.
 _MOST_COUNTED = 20.0
 
@@ -57,13 +57,7 @@ class Characteristics:
         Raises InputError if the speed is negative, or faster than the fastest tested one.
         """
         fastest = float(self.speeds_rpm[-1])
-        if not 0.0 <= speed_rpm <= fastest * (1.0 + _BEYOND):
-            raise InputError(
-                f"{speed_rpm:g} r/min",
-                expected=f"speeds from 0 to {fastest:g} r/min, the fastest with a test of continuous heating from rest",
-                where="duty cycle",
-                advice="test the machine at that speed, or keep the duty cycle within the tested speeds",
-            )
+        require_tested(speed_rpm, fastest, "the fastest with a test of continuous heating from rest")
         curves = self.steady_um @ (1.0 - np.exp(-np.asarray(time_s, dtype=np.float64) / self.tau_s[:, None]))
         if len(self.speeds_rpm) > 1:
             knots = np.r_[0.0, self.speeds_rpm]
