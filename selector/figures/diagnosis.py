@@ -182,7 +182,7 @@ def mismatch_map(found: Diagnosis) -> go.Figure:
     drawn = style.figure(_title(found), height)
     top = int(drawn.layout.margin.t)
     drawn.update_layout(height=top + height + 50, margin={"b": 50, "r": 90}, showlegend=False)
-    edges = _edges(comparison, axis)
+    edges = _edges(axis)
     cells, texts, labels = [], [], []
     for name in responses:
         left = comparison.recorded[name] - found.fit[name].recalibrated
@@ -244,7 +244,7 @@ def _states(comparison: Comparison, causes: list[str]) -> list[str]:
     return [name for name in names if name in shown]
 
 
-def _edges(comparison: Comparison, axis: RunAxis) -> Vector:
+def _edges(axis: RunAxis) -> Vector:
     """Edges of the cells on the axis; none lies across two runs."""
     found = [0.0]
     for start, stop in pairwise([*axis.starts_s, axis.end_s * (1.0 + 1e-9)]):

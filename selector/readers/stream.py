@@ -103,7 +103,7 @@ class ParquetSource:
                 if not schema_names:  # no clock and no column of this run: only its length matters
                     schema_names = [file.schema_arrow.names[0]]
                 for batch in file.iter_batches(batch_size=CHUNK_ROWS, columns=schema_names):
-                    time_s, keep = clock.time_s(batch, asked)
+                    time_s, keep = clock.time_s(batch)
                     values = np.full((len(time_s), len(wanted)), np.nan)
                     for k, name in enumerate(wanted):
                         header = headers[name]
@@ -145,7 +145,7 @@ class _Ticker:
         self.missing = 0
         self.repeated = 0
 
-    def time_s(self, batch: pa.RecordBatch, asked: Sequence[str]) -> tuple[Vector, Mask]:
+    def time_s(self, batch: pa.RecordBatch) -> tuple[Vector, Mask]:
         """Time of the rows that are kept, and which rows these are."""
         told = self._run.clock
         n_rows = batch.num_rows

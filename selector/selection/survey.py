@@ -213,7 +213,7 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
     total, runs, periods, durations = 0, [], [], []
     noise: list[Array] = []
     for run in source.runs:
-        n, with_response, first_s, last_s, steps = 0, 0, np.nan, np.nan, []
+        with_response, first_s, last_s, steps = 0, np.nan, np.nan, []
         absent, measured = np.zeros(len(names)), [np.zeros((0, len(question.responses)))]
         no_start = np.flatnonzero([np.isnan(datum.level(run, name)) for name in names])
         for time_s, values in source.chunks(run, names):
@@ -223,7 +223,6 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
             absent += (~found[rows]).sum(axis=0)
             absent[no_start] += found[rows][:, no_start].sum(axis=0)
             with_response += int(rows.sum())
-            n += len(time_s)
             if np.isnan(first_s) and len(time_s):
                 first_s = float(time_s[0])
             last_s = float(time_s[-1]) if len(time_s) else last_s

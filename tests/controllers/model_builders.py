@@ -139,3 +139,9 @@ def frame_model(**changes: Any) -> ModelFile:
         "outputs": (Output(name="Z", axis="Z", intercept=0.0, terms=(Term(powers={"T1": 1}, coefficient=10.0),)),),
     }
     return rise_model(**(fields_of_it | changes))
+
+
+def starts_of(guard: GuardedModel) -> list[float]:
+    """Start readings that a guard has, in the order of its inputs."""
+    kept = guard.retained
+    return [value for name, value in kept.items() if name.startswith("start_") and kept[f"has_{name}"]]

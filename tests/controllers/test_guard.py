@@ -16,7 +16,7 @@ from selector.controllers.guard.decided import Mode, SensorCode, decided_limits
 from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.replay.parts import reference_answers
 from tests.controllers import hostile
-from tests.controllers.model_builders import rich_model, rise_model
+from tests.controllers.model_builders import rich_model, rise_model, starts_of
 
 FAST = OutputLimits(output="Z", clamp_um=100.0, slew_um_per_s=1e6)
 
@@ -134,7 +134,7 @@ def test_a_restart_keeps_the_start_readings_until_the_machine_is_cold(off_s, kep
     after(model, 24.0, 22.0)
     model.restart(off_s)
     warm = after(model, 24.0, 22.0)
-    assert model.start_readings == ({"T1": 20.0, "T3": 20.0} if kept else {"T1": 24.0, "T3": 22.0})
+    assert starts_of(model) == ([20.0, 20.0] if kept else [24.0, 22.0])
     assert warm.mode == Mode.MODEL
 
 

@@ -14,7 +14,7 @@ from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.replay.parts import Answers, reference_answers
 from selector.controllers.replay.replayed import faulty_share
 from tests.controllers import hostile
-from tests.controllers.model_builders import guarded
+from tests.controllers.model_builders import guarded, starts_of
 
 needs_cc = pytest.mark.skipif(compiler() is None, reason="no C compiler; Debian: apt install gcc")
 GOOD = {"T1": 20.0, "T3": 20.0}
@@ -30,7 +30,7 @@ def test_a_wrong_first_reading_is_no_start_reading():
     assert codes[0] == SensorCode.JUMP
     assert codes[1:61] == [SensorCode.RECOVERING] * 60
     assert set(codes[61:]) == {SensorCode.OK}
-    assert model.start_readings == GOOD
+    assert starts_of(model) == [*GOOD.values()]
 
 
 def test_without_a_rate_limit_a_first_reading_further_off_than_the_valid_range_is_wide_is_none():
@@ -38,7 +38,7 @@ def test_without_a_rate_limit_a_first_reading_further_off_than_the_valid_range_i
     model.step(1.0, {"T1": 0.0, "T3": 20.0})
     for _ in range(120):
         model.step(1.0, GOOD)
-    assert model.start_readings == GOOD
+    assert starts_of(model) == [*GOOD.values()]
 
 
 def test_the_rise_counts_from_the_first_good_reading_not_from_when_it_was_believed():
@@ -46,7 +46,7 @@ def test_the_rise_counts_from_the_first_good_reading_not_from_when_it_was_believ
     for k in range(61):
         found = model.step(1.0, {"T1": 20.0 + 0.01 * k, "T3": 20.0})
         assert (found.mode == Mode.MODEL) is (k == 60)
-    assert model.start_readings == GOOD
+    assert starts_of(model) == [*GOOD.values()]
     # T1: z = (0.6 - 4) / 2; T3: z = -2
     z1, z3 = (0.01 * 60 - 4.0) / 2.0, -2.0
     assert found.correction_um["Z"] == pytest.approx(-(1.0 + 3.0 * z1 - 2.0 * z3 + 0.5 * z1 * z3), abs=1e-12)
@@ -109,7 +109,7 @@ def test_one_wrong_time_ends_no_recovery_and_takes_no_start_reading(wrong, numbe
     assert codes == [SensorCode.RECOVERING, SensorCode.MISSING]
     for _ in range(61):
         model.step(1.0, GOOD)
-    assert model.start_readings == GOOD
+    assert starts_of(model) == [*GOOD.values()]
     model.step(1.0, {"T1": 850.0, "T3": 20.0})
     codes = [model.step(dt_s, GOOD).sensors[0] for dt_s in (1.0, wrong, *[1.0] * 49)]
     assert codes == [SensorCode.RECOVERING] * 51

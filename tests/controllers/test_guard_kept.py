@@ -67,7 +67,7 @@ def test_the_guard_drops_a_start_that_is_no_reading_and_begins_anew(bad):
     guard = GuardedModel(model_of(), start_readings={"T1": bad})
     for _ in range(200):
         found = guard.step(1.0, {"T1": 22.0})
-    assert guard.start_readings == {"T1": 22.0}
+    assert guard.retained["start_1"] == 22.0
     assert found.correction_um["Z"] == -10.0
 
 
@@ -78,7 +78,7 @@ def test_limits_of_the_reading_are_limits_of_its_start(kept, start):
     program = called(program_of(model, start_1=kept, has_start_1=True), 22.0, 100)
     for _ in range(100):
         found = guard.step(1.0, {"T1": 22.0})
-    assert (guard.start_readings, program.start_1) == ({"T1": start}, start)
+    assert (guard.retained["start_1"], program.start_1) == (start, start)
     assert program.correction_1 == found.correction_um["Z"]
 
 

@@ -117,15 +117,6 @@ class GuardedModel:
         return other
 
     @property
-    def start_readings(self) -> dict[str, float]:
-        """Start readings so far, for the control to keep."""
-        return {
-            name: float(getattr(self._block, f"start_{k}"))
-            for name, k in self._rises.items()
-            if getattr(self._block, f"has_start_{k}")
-        }
-
-    @property
     def retained(self) -> dict[str, float]:
         """What the control keeps while it is off: start readings, memory, what touch-offs taught."""
         return {name: float(getattr(self._block, name)) for name in self._retained}

@@ -90,7 +90,6 @@ class Link:
 class ChainReceptance:
     """Motions of a chain per unit force on its first group; rows belong to `links`: the path's, then the branch's."""
 
-    frequency_hz: NDArray[np.float64]  #: (n_freq,): [Hz]
     links: tuple[Link, ...]  #: Of the path from the source on, then of the branch outwards
     #: dynamic_factor and lag_rad: (n_links, n_freq): μ (V eq. 4) and φ in [0, π] (eq. 6) of every link
     dynamic_factor: NDArray[np.float64]
@@ -129,7 +128,6 @@ def chain_receptance(
         carrier = [link.group for link in links].index(links[row].on)
         absolute[row] = absolute[carrier] * passed_on[row] * answers[row]
     return ChainReceptance(
-        frequency_hz=frequency,
         links=links,
         dynamic_factor=np.abs(answers),
         lag_rad=np.abs(np.angle(answers)),
@@ -266,11 +264,6 @@ class Agreement:
     largest_error: float
     largest_at_hz: float
     bands_hz: tuple[tuple[float, float], ...]  #: From where to where the error is within the limit [Hz]
-
-    @property
-    def error(self) -> Vector:
-        """|ratio − 1|, shape (n_freq,)."""
-        return np.abs(self.ratio - 1.0)
 
 
 @dataclass(frozen=True)

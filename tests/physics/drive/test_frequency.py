@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from selector.errors import InputError
 from selector.physics.drive.loop.closed_loop import loop_poles
@@ -121,11 +122,15 @@ def test_sampled_margin_by_the_definition():
         z = np.exp(2j * np.pi * frequency_hz * 5e-4)
         return complex((C @ np.linalg.solve(z * np.eye(len(A)) - A, B))[0, 0])
 
-    at_phase, at_gain = opened(figures.phase_margin_hz), opened(figures.gain_margin_hz)
-    # interpolated between points 0.3 % apart
-    assert abs(at_phase) == pytest.approx(1.0, rel=1e-3)
-    assert math.degrees(np.angle(-at_phase)) == pytest.approx(figures.phase_margin_deg, abs=0.05)
-    assert at_gain == pytest.approx(-(10 ** (-figures.gain_margin_db / 20)), rel=5e-3)
+    hz = np.geomspace(0.5, 999.0, 4000)
+    answers = np.array([opened(one) for one in hz])
+    (crossover,) = np.flatnonzero(np.diff(np.abs(answers) > 1.0))
+    at_phase = opened(brentq(lambda one: abs(opened(one)) - 1.0, *hz[crossover : crossover + 2]))
+    # the product interpolates between points 0.3 % apart
+    assert figures.phase_margin_deg == pytest.approx(math.degrees(np.angle(-at_phase)), abs=0.05)
+    turned = np.flatnonzero(np.diff(answers.imag > 0.0) & (answers.real[:-1] < 0.0))
+    at_gain = [opened(brentq(lambda one: opened(one).imag, *hz[k : k + 2])).real for k in turned]
+    assert figures.gain_margin_db == pytest.approx(min((-20 * math.log10(-one) for one in at_gain), key=abs), rel=1e-6)
 
 
 def test_feedforward_is_part_of_the_response():

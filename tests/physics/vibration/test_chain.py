@@ -65,8 +65,9 @@ def errors(light: float, case: tuple[list[float], list[float], int], *, dampers_
     """|chain/coupled − 1| of every group at three frequencies, shape (n_links, 3)."""
     hz, psi, forced = case
     structure = stack(light, hz=hz, dissipation=psi)
-    found = chain_receptance(structure, stack_chain(len(hz), forced), [15.0, 120.0, 600.0], dampers_carry=dampers_carry)
-    exact = [receptance(structure, found.frequency_hz, of=link.group[0], at=f"m{forced}") for link in found.links]
+    at_hz = [15.0, 120.0, 600.0]
+    found = chain_receptance(structure, stack_chain(len(hz), forced), at_hz, dampers_carry=dampers_carry)
+    exact = [receptance(structure, at_hz, of=link.group[0], at=f"m{forced}") for link in found.links]
     return np.abs(found.absolute / np.array(exact) - 1)
 
 

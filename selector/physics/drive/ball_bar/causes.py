@@ -217,10 +217,7 @@ class Cause:
     #: Whether it stands out of the residual: its chance is below `ALARM` over all causes and shapes tried
     found: bool
     amounts: Mapping[str, Amount]  #: Its numbers by name
-    #: largest_um and range_um: Largest deviation it makes by itself, and from its innermost to its outermost, 0
-    #: included [µm]
-    largest_um: float
-    range_um: float
+    range_um: float  #: Deviation it makes by itself, from its innermost to its outermost, 0 included [µm]
     share: float  #: Of the sum of squares of the deviation about its centre; shares and what remains add up to 1
     probability: float  #: Chance of an amount like this if the cause is not there
 
@@ -303,7 +300,7 @@ def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCause
         range_um = float(max(part.max(), 0.0) - min(part.min(), 0.0))
         found, name = chance < ALARM and range_um >= least, None if axis is None else names[axis]
         share = float(part @ centred) / total if total > 0 else 0.0
-        return Cause(kind, name, found, amounts, float(np.abs(part).max()), range_um, share, chance)
+        return Cause(kind, name, found, amounts, range_um, share, chance)
 
     causes = [cause("radius", None, ["radius"], _radius(pair, fit), 1)]
     if "gain-mismatch" in fit.names:

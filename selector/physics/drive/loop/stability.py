@@ -158,9 +158,6 @@ class LoopFigures:
     #: where less gain is nearer to the edge than more
     gain_margin_db: float
     phase_margin_deg: float
-    #: gain_margin_hz and phase_margin_hz: Where they are found [Hz]
-    gain_margin_hz: float
-    phase_margin_hz: float
 
 
 def frequency_response(axis: Axis, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
@@ -182,18 +179,16 @@ def loop_figures(axis: Axis) -> LoopFigures:
 
     poles = loop_poles(axis)
     if len(growing_poles(poles)):
-        return LoopFigures(*[math.nan] * 7)
+        return LoopFigures(*[math.nan] * 5)
     frequency_hz = _frequencies_hz(axis, poles)
     peak, peak_hz, bandwidth_hz = _resonance(axis, frequency_hz)
-    gain_db, gain_hz = _gain_margin(axis, poles)
     # from the response itself: crossings of polynomials are too inexact in z, and where numbers are far apart
     rad = 2.0 * math.pi * frequency_hz
     response = loop_response(axis, rad).opened_position_loop(axis)
     near = _near_crossover(response)
     opened = control.frd(response[near], rad[near], smooth=True)
-    _, phase, _, _, phase_rad, _ = control.stability_margins(opened)
-    phase_hz = float(phase_rad) / (2.0 * math.pi)
-    return LoopFigures(bandwidth_hz, peak, peak_hz, gain_db, float(phase), gain_hz, phase_hz)
+    phase_deg = float(control.stability_margins(opened)[1])
+    return LoopFigures(bandwidth_hz, peak, peak_hz, _gain_margin_db(axis, poles), phase_deg)
 
 
 def _near_crossover(response: Response) -> NDArray[np.bool_]:
@@ -232,13 +227,10 @@ def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:
     return replace(axis, mechanics=replace(axis.mechanics, **values), compliance=compliance)
 
 
-def _gain_margin(axis: Axis, poles: NDArray[np.complex128]) -> tuple[float, float]:
-    """Nearest factor on the position gain with which the loop is at the edge [dB], and where [Hz]."""
-    crossings = gain_crossings(axis, "position_gain_per_s", poles)
-    if not crossings:
-        return math.inf, math.nan
-    nearest = min(crossings, key=lambda one: abs(math.log(one.factor)))
-    return 20.0 * math.log10(nearest.factor), nearest.rad_per_s / (2.0 * math.pi)
+def _gain_margin_db(axis: Axis, poles: NDArray[np.complex128]) -> float:
+    """Nearest factor on the position gain with which the loop is at the edge [dB]."""
+    factors = [one.factor for one in gain_crossings(axis, "position_gain_per_s", poles)]
+    return 20.0 * math.log10(min(factors, key=lambda factor: abs(math.log(factor)), default=math.inf))
 
 
 def _resonance(axis: Axis, frequency_hz: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -29,8 +29,6 @@ class Characteristic:
     allowance_um: Vector
     voltage_v: Vector
     crest_v: Vector | None = None  #: (n_points,): Highest smoothed voltage above its mean [V]
-    #: (n_points,): After how many periods of the pull the swing repeats; 0: never
-    rounds: NDArray[np.int64] | None = None
     #: A0, half the stroke without workpiece: how far the range of the gauge reaches beyond `touch_um`, at most [µm]
     free_amplitude_um: float | None = None
     #: Allowance at which the free swing just touches: below it the gauge shows nothing [µm]
@@ -135,7 +133,6 @@ def characteristic(transducer: Transducer) -> Characteristic:
         allowance_um=allowance,
         voltage_v=np.array([swing.voltage_v for swing in fallen]),
         crest_v=np.array([swing.crest_v for swing in fallen]),
-        rounds=np.array([swing.rounds for swing in fallen], dtype=np.int64),
         free_amplitude_um=amplitude_um,
         touch_um=touch_um,
         findings=tuple(_findings(fallen, risen, free.voltage_v)),

@@ -44,9 +44,7 @@ class GaugeState:
 class GaugeMotion:
     """What goes on in a gauge, each an ndarray of shape (n_samples,)."""
 
-    #: time_s and allowance_um: [s], [µm]
-    time_s: Vector
-    allowance_um: Vector
+    time_s: Vector  #: [s]
     current_a: Vector  #: i of the electromagnet [A]
     #: probe_m and probe_m_per_s: z, z' [m], [m/s]
     probe_m: Vector
@@ -117,7 +115,7 @@ def simulate_transducer(
         current += p[at.SWITCHED] * np.exp(-p[at.SWITCHED_RATE] * since)
     away = np.concatenate([slope[:1], slope])
     force = contact_force_n(transducer.contact, out[:, at.Z] - plane, out[:, at.V] - away)
-    return GaugeMotion(time, allowance, current, out[:, at.Z], out[:, at.V], force, out[:, at.U], out[:, at.S])
+    return GaugeMotion(time, current, out[:, at.Z], out[:, at.V], force, out[:, at.U], out[:, at.S])
 
 
 def _states(p: Vector, begin: GaugeState) -> Vector:

@@ -436,9 +436,7 @@ class PartCourse:
     #: size_um and duration_s: Finished size [µm]; until the feed stood [s]
     size_um: float
     duration_s: float
-    #: tripped and at_once: As in `FinishedSizes`
-    tripped: bool
-    at_once: bool
+    tripped: bool  #: As in `FinishedSizes`
 
 
 def part_course(setup: GaugedGrinding, part: int = 0, *, seed: int = 0, period_s: float) -> PartCourse:
@@ -469,7 +467,7 @@ def part_course(setup: GaugedGrinding, part: int = 0, *, seed: int = 0, period_s
         values.flags.writeable = False
     return PartCourse(
         time_s, columns[0], columns[1], columns[2], columns[3], stage, tuple(ends[0][:stages_done].tolist()),
-        float(size[0]), float(duration[0]), tripped, bool(state[0] == AT_ONCE),
+        float(size[0]), float(duration[0]), tripped,
     )  # fmt: skip
 
 

@@ -314,10 +314,7 @@ def _normalised(vectors: Complex) -> Complex:
 class CarryingMode:
     """The mode that has the largest part in the motion of the tool against the workpiece by one line."""
 
-    mode: int  #: Its position among the modes
-    #: frequency_hz and loss_factor: Of the mode [Hz], η
-    frequency_hz: float
-    loss_factor: float
+    frequency_hz: float  #: Of the mode [Hz]
     member: str  #: Member that moves most in it
     amplification: float  #: |λ/(λ − ω²)|: its motion at the line over that by a force that does not change
 
@@ -332,9 +329,7 @@ def carrying_mode(
     k = int(np.argmax(parts))
     square, eigenvalue = (2.0 * math.pi * frequency_hz) ** 2, complex(modes.eigenvalues_per_s2[k])
     return CarryingMode(
-        mode=k,
         frequency_hz=float(modes.frequency_hz[k]),
-        loss_factor=float(modes.loss_factor[k]),
         member=modes.members[int(np.argmax(np.abs(modes.shapes[:, k])))],
         amplification=abs(eigenvalue / (eigenvalue - square)),
     )
