@@ -11,7 +11,7 @@ from typing import Any, Literal, Self
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.feature_selection import SelectorMixin
 from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
@@ -23,6 +23,7 @@ from selector.models.best_subsets.subsets import best_subsets
 from selector.recording import Channel, Recording
 from selector.selection import Options, select
 from selector.sensors import correlation_similarity, lambda_axis, lambda_cut, screen, transitive_closure
+from selector.types import Array, Mask
 
 Level = float | Sequence[float] | Literal["auto"]
 
@@ -90,9 +91,9 @@ class FuzzyClusterSelector(SelectorMixin, BaseEstimator):  # type: ignore[misc]
         self.representatives_ = np.array(kept)
         return self
 
-    def _get_support_mask(self) -> NDArray[np.bool_]:
+    def _get_support_mask(self) -> Mask:
         check_is_fitted(self)
-        mask: NDArray[np.bool_] = np.zeros(self.n_features_in_, dtype=np.bool_)
+        mask: Mask = np.zeros(self.n_features_in_, dtype=np.bool_)
         mask[self.representatives_] = True
         return mask
 
@@ -161,7 +162,7 @@ class BestSubsetRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self.support_[columns] = True
         return self
 
-    def predict(self, X: ArrayLike) -> NDArray[np.float64]:
+    def predict(self, X: ArrayLike) -> Array:
         """Predictions of shape (n_samples,)."""
         return np.asarray(_checked_again(self, X) @ self.coef_ + self.intercept_)
 
@@ -250,25 +251,23 @@ class ThermalRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self.heldout_rmse_ = self.selection_.proof.rmse_um(response)
         return self
 
-    def predict(self, X: ArrayLike) -> NDArray[np.float64]:
+    def predict(self, X: ArrayLike) -> Array:
         """Displacements [µm], shape (n_samples,)."""
         readings = _checked_again(self, X)
         names = _names(self)
         return self.model_.predicted(readings[:, [names.index(name) for name in self.model_.scaling.variables]])
 
 
-def _checked(
-    estimator: BaseEstimator, X: ArrayLike, y: ArrayLike, *, at_least: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    checked: tuple[NDArray[np.float64], NDArray[np.float64]] = validate_data(
+def _checked(estimator: BaseEstimator, X: ArrayLike, y: ArrayLike, *, at_least: int) -> tuple[Array, Array]:
+    checked: tuple[Array, Array] = validate_data(
         estimator, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=at_least
     )
     return checked[0], np.asarray(checked[1], dtype=np.float64)
 
 
-def _checked_again(estimator: BaseEstimator, X: ArrayLike) -> NDArray[np.float64]:
+def _checked_again(estimator: BaseEstimator, X: ArrayLike) -> Array:
     check_is_fitted(estimator)
-    checked: NDArray[np.float64] = validate_data(estimator, X, dtype=np.float64, reset=False)
+    checked: Array = validate_data(estimator, X, dtype=np.float64, reset=False)
     return checked
 
 
@@ -300,7 +299,7 @@ def _levels(level: Level, rounds: int) -> list[float] | None:
     return [float(given[min(i, len(given) - 1)]) for i in range(rounds)]
 
 
-def _strongest_level(similarity: NDArray[np.float64]) -> float:
+def _strongest_level(similarity: Array) -> float:
     step = lambda_axis(similarity).strongest()
     return 1.0 if step is None else step.partition.level
 
@@ -310,9 +309,7 @@ def _whole(name: str, value: int) -> None:
         raise ValueError(f"{name} must be a whole number of at least 1; got {value!r}.")
 
 
-def _recording(
-    X: NDArray[np.float64], y: NDArray[np.float64], names: Sequence[str], response: str, runs: ArrayLike | None
-) -> Recording:
+def _recording(X: Array, y: Array, names: Sequence[str], response: str, runs: ArrayLike | None) -> Recording:
     """Rows as a recording: those of a run together in the order given, time counted in samples."""
     if runs is None:
         runs = np.full(len(y), "run 1")

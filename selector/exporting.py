@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.targets import TARGETS, Target
 from selector.errors import NotExecutableError, OptionError
 from selector.findings import Finding
+from selector.physics.simulation_kind import Progress
 from selector.quality.finding_table import GAUGE_BEGINS_LATE
 from selector.readers import Overrides, Reading, read
 from selector.telling.account import Account
@@ -38,8 +39,6 @@ MODEL = "model.json"
 _FEWEST_DIGITS = 8
 _LIMITS_BELOW = 1e6
 LARGEST_MARGIN_PERCENT = 100.0
-
-Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)

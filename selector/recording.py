@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from selector.errors import Misfit, RecordingError, refuse
+from selector.types import Array, Mask
 from selector.units import CANONICAL_UNITS, ROLES
 
 SENSOR_ROLES = ("temperature", "ambient")  #: Roles that can be inputs of a thermal model without further options.
@@ -53,7 +54,7 @@ class RunSource(Protocol):
     def channels(self) -> tuple[Channel, ...]:
         """The channels."""
 
-    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[Array, Array]]:
         """(time_s, values) pieces of a run, in order; values of shape (n_samples, n_names)."""
 
 
@@ -169,17 +170,17 @@ class Recording:
         """Names of the channels that have one of these roles."""
         return tuple(channel.name for channel in self.channels if channel.role in roles)
 
-    def time_s(self, run: str) -> NDArray[np.float64]:
+    def time_s(self, run: str) -> Array:
         """Time stamps of a run [s], shape (n_samples,), read-only."""
-        time: NDArray[np.float64] = self.__dict__["_time"]
+        time: Array = self.__dict__["_time"]
         return time[self._run_slices[run]]
 
-    def values(self, run: str, names: Iterable[str]) -> NDArray[np.float64]:
+    def values(self, run: str, names: Iterable[str]) -> Array:
         """Samples of some channels in a run, shape (n_samples, n_names), canonical units, NaN = missing."""
-        values: NDArray[np.float64] = self.__dict__["_values"]
+        values: Array = self.__dict__["_values"]
         return values[self._run_slices[run]][:, [self._column[name] for name in names]]
 
-    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[Array, Array]]:
         """(time_s, values) pieces of a run in order; here always one piece. `readers.ParquetSource` has many."""
         yield self.time_s(run), self.values(run, names)
 
@@ -192,7 +193,7 @@ class Recording:
 LEAST_REST, SHORTEST_REST_S = 0.25, 1800.0
 
 
-def restarts(rests: NDArray[np.bool_], length_s: NDArray[np.float64]) -> list[int]:
+def restarts(rests: Mask, length_s: Array) -> list[int]:
     """Positions of the stretches with which tests begin: the first, and every rest worth the name before a warming.
 
     The breaks of an intermittent duty cycle do not cut it; a record of days is cut at every warming after a cooling.
@@ -215,7 +216,7 @@ PAUSE_S, LONG_PERIODS = 3600.0, 20
 PARTS = "parts"  #: In the provenance of a recording that was cut: part → (its run, where it begins there [s]).
 
 
-def pauses(time_s: NDArray[np.float64]) -> NDArray[np.intp]:
+def pauses(time_s: Array) -> NDArray[np.intp]:
     """Positions of the samples that come after a pause."""
     steps = np.diff(time_s, prepend=time_s[:1])
     return np.flatnonzero(steps > max(PAUSE_S, LONG_PERIODS * float(np.median(steps))))

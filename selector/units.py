@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pint
-from numpy.typing import NDArray
 
 from selector.errors import UnitError
 from selector.text_file import rows_by_kind
+from selector.types import Array
 
 #: The unit in which a recording holds each role: SI, but °C, µm, rpm and mm/min where the field thinks in them.
 CANONICAL_UNITS: dict[str, str] = {
@@ -100,7 +100,7 @@ def same_dimension(unit: str, other: str) -> bool:
     )
 
 
-def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float64]:
+def convert(values: Array, unit: str, to: str) -> Array:
     """Values in another unit [pint names], float64; temperatures are readings, not differences.
 
     Decimals that the calculation only nearly meets, 19.430000000000007 for 194.3 tenths of a degree, are met.
@@ -127,7 +127,7 @@ def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float
 _THROUGH_K = 300.0  #: Temperatures are converted through kelvin, whose roundings they keep.
 
 
-def _on_decimals(values: NDArray[np.float64], through: float) -> NDArray[np.float64]:
+def _on_decimals(values: Array, through: float) -> Array:
     """Values of so few decimals that chance would not meet them, without the roundings of a calculation `through`."""
     finite = values[np.isfinite(values)]
     rounding = 4.0 * np.spacing(np.maximum(np.abs(finite), through))
@@ -142,6 +142,6 @@ def _on_decimals(values: NDArray[np.float64], through: float) -> NDArray[np.floa
     return values
 
 
-def to_canonical(values: NDArray[np.float64], unit: str, role: str) -> NDArray[np.float64]:
+def to_canonical(values: Array, unit: str, role: str) -> Array:
     """Values [unit] as a recording holds them for this role, see `CANONICAL_UNITS`."""
     return convert(values, unit, CANONICAL_UNITS[role])

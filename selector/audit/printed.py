@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from selector.types import Array
 
 #: Lower bearing, intermediate gear, upper bearing, hydraulic unit, gearbox, main motor, and others without a name.
 SENSORS = tuple(f"T{k}" for k in range(1, 9))
 ENTRY_HALF_UNIT = 0.5e-4  #: Correlations, R² and most coefficients are printed with four decimals.
 
 
-def _matrix(file: str) -> NDArray[np.float64]:
+def _matrix(file: str) -> Array:
     matrix = np.loadtxt(Path(__file__).with_name(file))
     matrix.setflags(write=False)
     return matrix
@@ -55,11 +56,11 @@ class PrintedModel:
     printed: tuple[str, ...]  #: The coefficients with all their printed decimals
 
     @property
-    def coefficients(self) -> NDArray[np.float64]:
+    def coefficients(self) -> Array:
         """The coefficients as numbers [µm, µm/K, µm/K²], shape (n_terms,)."""
         return np.array([float(text) for text in self.printed])
 
-    def columns(self, x1: NDArray[np.float64], x3: NDArray[np.float64], x5: NDArray[np.float64]) -> NDArray[np.float64]:
+    def columns(self, x1: Array, x3: Array, x5: Array) -> Array:
         """One column per term, shape (n_samples, n_terms), from the rises of sensors 1, 3, 5 [K]."""
         rise = {"T1": x1, "T3": x3, "T5": x5}
         columns = [math.prod((rise[name] for name in term), start=np.ones_like(x1)) for term in self.terms]

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from selector.figures import style
 from selector.figures.style import Changes, changed
 from selector.selection import Selection
 from selector.sensors.groups import Dendrogram, dendrogram, transitive_closure
+from selector.types import Array
 
 _ROOM_PX, _SENSOR_PX, _LEAST_PX = 170, 18, 140
 _COLOURS = (style.MUTED, *style.GROUPS)
@@ -142,7 +142,7 @@ def step_changes(cut: CutShown, first: float, end: float) -> Changes:
     }
 
 
-def level_span(levels: NDArray[np.float64]) -> tuple[float, float]:
+def level_span(levels: Array) -> tuple[float, float]:
     """Where an axis over these levels begins, and where it puts λ = 1 (all sensors alone)."""
     places = style.nines(levels[levels < 1 - 1e-7]) if len(levels) else np.array([])
     low, high = (float(places.min()), float(places.max())) if len(places) else (0.5, 1.0)

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from selector.figures import style
 from selector.figures.grouping import cut_of, group_colours
 from selector.figures.style import Changes, changed
 from selector.selection import Selection
 from selector.sensors.groups import dendrogram
+from selector.types import Array
 
 VIEWS = (("x", "front view", "X [m]", 0), ("x2", "side view", "Y [m]", 1))
 _HEIGHTS = (360, 900)
@@ -24,9 +24,7 @@ _LABEL = np.array([0.12, 0.035])  #: Width and height of a label as shares of th
 
 
 def sensor_places(
-    selection: Selection,
-    places_m: Mapping[str, tuple[float, float, float]],
-    outline_m: Sequence[NDArray[np.float64]] = (),
+    selection: Selection, places_m: Mapping[str, tuple[float, float, float]], outline_m: Sequence[Array] = ()
 ) -> go.Figure:
     """Front and side view of the machine with every sensor of known place; the kept ones stand out.
 
@@ -54,8 +52,8 @@ def sensor_places(
 
 def machine_picture(
     names: Sequence[str],
-    points_m: NDArray[np.float64],
-    outline_m: Sequence[NDArray[np.float64]],
+    points_m: Array,
+    outline_m: Sequence[Array],
     title: str,
     photos: Mapping[str, str] = MappingProxyType({}),
 ) -> go.Figure:
@@ -118,7 +116,7 @@ def machine_changes(
     return changes
 
 
-def _at_the_machine(place_m: tuple[float, float, float], outline_m: Sequence[NDArray[np.float64]]) -> bool:
+def _at_the_machine(place_m: tuple[float, float, float], outline_m: Sequence[Array]) -> bool:
     """Whether a sensor is on the body or close to it; one in the hall would make the machine small."""
     if not outline_m:
         return True
@@ -127,7 +125,7 @@ def _at_the_machine(place_m: tuple[float, float, float], outline_m: Sequence[NDA
     return bool(((place_m >= body.min(axis=0) - reach) & (place_m <= body.max(axis=0) + reach)).all())
 
 
-def _label_sides(points: NDArray[np.float64], span: float) -> list[str]:
+def _label_sides(points: Array, span: float) -> list[str]:
     """A side for every label, another one than its close neighbours have."""
     sides: list[str] = []
     for k, point in enumerate(points):

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from selector.figures import style
 from selector.figures.style import Changes, changed
@@ -15,6 +14,7 @@ from selector.number_text import number_text
 from selector.selection import Selection
 from selector.selection.exploration import HeldOutPart
 from selector.selection.result import BEST_OF_SIZE, FIXED_SET, PROCEDURE, RunProof, Trace
+from selector.types import Array
 
 KINDS = {"run": "runs", "condition": "conditions", "block": "stretches"}
 _BARS = (("without compensation, rms", style.BEFORE, -0.38), ("with the model, rms", style.PREDICTED, 0.0))
@@ -255,9 +255,7 @@ def measured_and_predicted(selection: Selection, response: str, runs: Sequence[s
     return beside_each_other(title, shown, response, *ranges)
 
 
-def _drawn_samples(
-    traces: Sequence[Trace], j: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _drawn_samples(traces: Sequence[Trace], j: int) -> tuple[Array, Array, Array]:
     """Time, measured, predicted of the parts of a run in order of time, a gap between parts."""
     times, measured, predicted = [], [], []
     for trace in sorted(traces, key=lambda trace: float(trace.time_s[0])):

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector import number_text
+from selector.types import Array
 
 # Okabe and Ito's palette (2008): told apart with every common kind of colour blindness, and in grey.
 INK = "#1a1a1a"
@@ -195,7 +196,7 @@ def level_text(level: float) -> str:
     return f"{level:.6g}"
 
 
-def nines(level: ArrayLike) -> NDArray[np.float64]:
+def nines(level: ArrayLike) -> Array:
     """−log₁₀(1 − level): 0.9, 0.99 and 0.999 are equally far apart, which is where sensors of a machine part.
 
     Levels closer to 1 than 10⁻⁷ are held there.

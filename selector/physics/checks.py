@@ -8,9 +8,9 @@ from functools import cache
 from typing import Any, get_args, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import InputError, Misfit, refuse
+from selector.types import Array
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def errors_name(what: str, *, of_keys: bool = False) -> Iterator[None]:
         raise error.at(where) from error
 
 
-def require_within(values: NDArray[np.float64], time_s: NDArray[np.float64], most: float, unit: str) -> None:
+def require_within(values: Array, time_s: Array, most: float, unit: str) -> None:
     """Raises InputError if a value of a course is beyond what any machine has; missing ones are allowed.
 
     The caller says with `errors_name` which course it is.

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from selector.types import Vector
 
 Progress = Callable[[int, int, str], None]
-#: Key of a model file → (time_s, values) of the column of a recording beside it that it refers to.
+#: Key of a model file → (time_s, values in the unit of its role) of the column beside it that it refers to.
 Columns = Mapping[str, tuple["Vector", "Vector"]]
 
 

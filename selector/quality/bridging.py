@@ -1,12 +1,11 @@
 """Single readings that were lost: between its neighbours a temperature is better known than missed."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.findings import Finding, Level, Where
 from selector.quality.finding_table import FINDINGS, READINGS_LOST
 from selector.recording import SENSOR_ROLES, Recording
-from selector.types import Array
+from selector.types import Array, Mask
 
 GAP_PERIODS = 3.5  #: A distance of more than so many usual ones is a gap; two lost rows in a row are none.
 MOST_LOST, FEW_LOST = 0.1, 0.01  #: Share of readings: what loses more is not to be trusted; less is no warning.
@@ -34,7 +33,7 @@ def bridged(recording: Recording, raw: Recording) -> tuple[Recording, tuple[Find
     return (recording.with_values(frame) if findings else recording), tuple(findings)
 
 
-def _filled(time_s: Array, values: Array, lost: NDArray[np.bool_]) -> Array:
+def _filled(time_s: Array, values: Array, lost: Mask) -> Array:
     known = np.isfinite(values)
     at_s = time_s[known]
     if len(at_s) < 2 or not lost.any():

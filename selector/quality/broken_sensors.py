@@ -15,7 +15,6 @@ from selector.quality.survey import (
     IMPLAUSIBLE,
     MEASURED_ROLES,
     THERMAL_ROLES,
-    Floats,
     Ints,
     Series,
     Survey,
@@ -24,6 +23,7 @@ from selector.quality.survey import (
     reading,
     stretch,
 )
+from selector.types import Array, Mask
 from selector.units import convert
 
 #: Values that loggers, transmitters and bus couplers put in place of a reading: the end of a Pt100 or thermocouple
@@ -105,7 +105,7 @@ def told(finding: Finding, windows: list[tuple[float, float]], few: int = _FEW) 
         yield replace(finding, statement=finding.statement.replace("{when}", when), where=where, evidence=evidence)
 
 
-def joined(time_s: Floats, bad: NDArray[np.bool_], present: NDArray[np.bool_]) -> list[tuple[float, float]]:
+def joined(time_s: Array, bad: Mask, present: Mask) -> list[tuple[float, float]]:
     """Stretches of bad samples [s], those next to each other (missing samples aside) joined."""
     rows = np.flatnonzero(bad)
     if rows.size == 0:
@@ -117,7 +117,7 @@ def joined(time_s: Floats, bad: NDArray[np.bool_], present: NDArray[np.bool_]) -
     return [(float(time_s[rows[a]]), float(time_s[rows[b]])) for a, b in zip(first, last, strict=True)]
 
 
-def _codes_of(role: str) -> Floats:
+def _codes_of(role: str) -> Array:
     """The codes as they look in a recording when the file held another unit, sorted."""
     plain = np.array(_CODES)
     if role in THERMAL_ROLES:
@@ -127,7 +127,7 @@ def _codes_of(role: str) -> Floats:
     return np.unique(np.concatenate(looks))
 
 
-def _coded(series: Series, codes: Floats) -> NDArray[np.bool_]:
+def _coded(series: Series, codes: Array) -> Mask:
     """Which samples are codes: equal to one, and far from every sample that is none."""
     x, role = series.x, series.channel.role
     thermal = role in THERMAL_ROLES
@@ -145,7 +145,7 @@ def _coded(series: Series, codes: Floats) -> NDArray[np.bool_]:
     return coded
 
 
-def _apart(x: Floats, coded: NDArray[np.bool_], far: float, role: str) -> NDArray[np.bool_]:
+def _apart(x: Array, coded: Mask, far: float, role: str) -> Mask:
     """The coded samples that stand at least `far` from every reading; readings that lead up to a code make it one."""
     readings = x[~coded]
     if not coded.any() or readings.size == 0:
@@ -161,7 +161,7 @@ def _apart(x: Floats, coded: NDArray[np.bool_], far: float, role: str) -> NDArra
     return kept
 
 
-def _reported(survey: Survey, run: str, column: int, broken: NDArray[np.bool_]) -> Iterator[Finding]:
+def _reported(survey: Survey, run: str, column: int, broken: Mask) -> Iterator[Finding]:
     channel, x = survey.channels[column], survey.values[run][column]
     present = ~np.isnan(x)
     share = float(broken.sum() / present.sum())
@@ -212,7 +212,7 @@ class Still:
 
     first: Ints
     last: Ints
-    value: Floats
+    value: Array
 
     @property
     def length(self) -> Ints:
@@ -220,7 +220,7 @@ class Still:
         return self.last - self.first + 1
 
 
-def still_stretches(x: Floats, quantum: float) -> Still:
+def still_stretches(x: Array, quantum: float) -> Still:
     """The stretches of equal samples of a series, single samples included; O(n)."""
     tolerance = 1e-9 * max(float(np.abs(x).max(initial=0.0)), quantum)
     change = np.flatnonzero(np.abs(np.diff(x)) > tolerance)
@@ -288,7 +288,7 @@ def _frozen_in(
     run: str,
     column: int,
     still: Still,
-    clear: dict[str, Floats],
+    clear: dict[str, Array],
     usual: float | None,
     extremes: tuple[float, float],
     rails: list[float],
@@ -350,7 +350,7 @@ def _frozen_in(
         )
 
 
-def _noise_beside(survey: Survey, run: str, column: int, still: Still, aside: NDArray[np.bool_]) -> Floats:
+def _noise_beside(survey: Survey, run: str, column: int, still: Still, aside: Mask) -> Array:
     """The block noise of a channel in a run outside some of its stretches of equal samples."""
     noise = survey.scale(run, column).block_noise
     if noise.size == 0 or not aside.any():

@@ -14,7 +14,6 @@ from selector.quality.jumps import line_at
 from selector.quality.leave_out import WINDOWS
 from selector.quality.survey import (
     MEASURED_ROLES,
-    Floats,
     Series,
     Survey,
     difference,
@@ -24,6 +23,7 @@ from selector.quality.survey import (
     reading,
 )
 from selector.recording import LONG_PERIODS, pauses
+from selector.types import Array, Mask
 
 #: A channel has a start if it reads something in so many samples and so many seconds, or in three samples.
 START_SAMPLES, START_S = 15, 900.0
@@ -117,7 +117,7 @@ def starts(survey: Survey) -> Iterator[Finding]:
         yield FINDINGS.finding("run-starts-warm", told, Where(None, run, begin, begin), {"channels": warm})
 
 
-def is_late(rows: NDArray[np.integer], seconds: Floats) -> NDArray[np.bool_]:
+def is_late(rows: NDArray[np.integer], seconds: Array) -> Mask:
     """Whether readings so many samples and seconds after a start are none of the start."""
     return np.asarray((rows >= START_SAMPLES) | ((rows >= 3) & (seconds > START_S)))
 

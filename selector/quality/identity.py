@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from selector.findings import Finding, Where
 from selector.quality.finding_table import DUPLICATE_CHANNEL, FINDINGS, ROWS_IN_TWO_RUNS, SAME_FILE_TWICE
 from selector.quality.siblings import Relations
-from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference
+from selector.quality.survey import THERMAL_ROLES, Survey, difference
 from selector.text_file import shell_word
+from selector.types import Array
 
 _ALIKE = 1.0 - 2e-4  #: Correlation of block means from which two channels are compared sample by sample.
 _ROUND_OFF = 1e-10  #: Of a squared correlation.
@@ -55,7 +56,7 @@ def shared_rows(survey: Survey) -> Iterator[Finding]:
         )
 
 
-def _stretches(values: Floats) -> NDArray[np.uint64]:
+def _stretches(values: Array) -> NDArray[np.uint64]:
     """A number for every `_IN_A_ROW` rows of a run that follow one another, without those that hardly change."""
     draw, mixed = np.random.default_rng(0), np.uint64(32)
     odd, place = (2 * draw.integers(2**63, size=n, dtype=np.uint64) + 1 for n in (len(values), _IN_A_ROW))
@@ -148,9 +149,9 @@ class _Law:
     """
 
     beside: list[int]
-    weights: Floats
+    weights: Array
     known: list[int]
-    said: Floats
+    said: Array
     before: float
     usual: float
 
@@ -162,7 +163,7 @@ class _Laws:
     """
 
     def __init__(
-        self, relations: Relations, r: int, training: list[int], movement: Floats, most: int = _REFERENCES
+        self, relations: Relations, r: int, training: list[int], movement: Array, most: int = _REFERENCES
     ) -> None:
         self.relations, self.r, self.training, self.movement, self.most = relations, r, training, movement, most
         self._laws: dict[tuple[int, tuple[int, ...]], _Law | None] = {}
@@ -321,7 +322,7 @@ def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool, alone: boo
         )
 
 
-def _mismatch(movement: Floats, siblings: Sequence[int], weights: Floats, column: int, share: float = 1.0) -> float:
+def _mismatch(movement: Array, siblings: Sequence[int], weights: Array, column: int, share: float = 1.0) -> float:
     """Standard deviation of a column minus what a channel's siblings say, in the first part of a run."""
     off = movement[column] - weights @ movement[list(siblings)]
     return float(np.std(off[: max(1, int(share * off.size))]))
@@ -352,7 +353,7 @@ def _copy(survey: Survey, run: str, i: int, j: int) -> tuple[float, float] | Non
     return gain, offset
 
 
-def _differing(survey: Survey, relations: Relations) -> Floats:
+def _differing(survey: Survey, relations: Relations) -> Array:
     """1 − squared correlation of pairs that may be copies in some run, else infinite; (n_columns, n_columns).
 
     What a copy leaves beside gain · x + offset is within the rounding of both, so its root mean square is, too.

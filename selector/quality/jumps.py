@@ -12,7 +12,6 @@ from selector.quality.finding_table import FINDINGS
 from selector.quality.survey import (
     COMMAND_ROLES,
     MEASURED_ROLES,
-    Floats,
     Ints,
     Series,
     Survey,
@@ -21,6 +20,7 @@ from selector.quality.survey import (
     present_median,
     reading,
 )
+from selector.types import Array
 
 _NEAR_PERIODS = 2.5  #: A cause and its effect are this close [sampling periods].
 _KINK_PERIODS = 1.2  #: So close to a jump two lines must meet to be bent by the same event; kinks are frequent.
@@ -109,7 +109,7 @@ def _period(survey: Survey, run: str) -> float:
     return float(np.median(np.diff(time))) if time.size > 1 else 0.0
 
 
-def _change_times(survey: Survey, run: str, column: int, size: float) -> Floats:
+def _change_times(survey: Survey, run: str, column: int, size: float) -> Array:
     """When a command changes by so much [s]: differences far above its usual ones, those in a row counted once."""
     series = survey.series(run, column)
     if series.x.size < 2:
@@ -121,7 +121,7 @@ def _change_times(survey: Survey, run: str, column: int, size: float) -> Floats:
     return np.asarray(series.time_s[at + 1], dtype=np.float64)
 
 
-def _changes(x: Floats, first: int, last: int) -> bool:
+def _changes(x: Array, first: int, last: int) -> bool:
     """Whether a command moves in the window by more than it usually does between two samples."""
     piece = x[first:last]
     piece = piece[np.isfinite(piece)]
@@ -135,7 +135,7 @@ def _changes(x: Floats, first: int, last: int) -> bool:
     return bool(np.abs(np.diff(piece)).max() > least)
 
 
-def _jumps(x: Floats, first: int, last: int, floor: float) -> bool:
+def _jumps(x: Array, first: int, last: int, floor: float) -> bool:
     """Whether a channel jumps in the window: beyond its noise, and sharper than its differences around."""
     differences = np.abs(np.diff(x[max(0, first - _COINCIDENCE_REACH) : last + _COINCIDENCE_REACH]))
     inside = np.abs(np.diff(x[first:last]))
@@ -464,7 +464,7 @@ def _level_shifts(series: Series, candidates: Ints, noise: float) -> list[Jump]:
     return found
 
 
-def line_at(time: Floats, x: Floats, at: float) -> tuple[float, float, float]:
+def line_at(time: Array, x: Array, at: float) -> tuple[float, float, float]:
     """(value at a moment, its standard error, slope) of a straight line."""
     centre = float(time.mean())
     dt = time - centre

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.errors import RecordingError
 from selector.findings import Finding
 from selector.recording import Channel, Recording, RunSource
+from selector.types import Array, Mask
 
 WINDOWS = "windows_s"  #: Key in the evidence of a finding that speaks of several stretches: a list of (from_s, to_s).
 
@@ -32,7 +32,7 @@ def stretches(finding: Finding) -> list[tuple[float, float]]:
     return [(-np.inf if where.from_s is None else where.from_s, np.inf if where.to_s is None else where.to_s)]
 
 
-def left_out_rows(finding: Finding, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+def left_out_rows(finding: Finding, time_s: Array) -> Mask:
     """Which samples of a run a finding leaves out, shape (n_samples,)."""
     out = np.zeros(time_s.size, dtype=np.bool_)
     for begin, end in stretches(finding):
@@ -90,7 +90,7 @@ class StreamWithoutFaults:
         self.channels: tuple[Channel, ...] = tuple(source.channels)
         self.provenance = getattr(source, "provenance", {})
 
-    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[Array, Array]]:
         """(time_s, values) pieces of a run; what is left out is NaN."""
         wanted = list(names)
         here = [f for f in self._findings if f.where.run in (None, run) and f.where.channel in (None, *wanted)]

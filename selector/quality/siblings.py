@@ -14,7 +14,8 @@ from selector.findings import Finding, Where
 from selector.number_text import span_text
 from selector.quality.broken_sensors import longest_still, still_stretches
 from selector.quality.finding_table import FINDINGS
-from selector.quality.survey import Floats, Survey, difference, moment, present_median, reading, stretch
+from selector.quality.survey import Survey, difference, moment, present_median, reading, stretch
+from selector.types import Array, Mask
 
 _BLOCKS = 240
 _PRESENT = 0.9  #: A channel takes part in a run when so many of its blocks hold a sample; the rest is interpolated.
@@ -33,22 +34,20 @@ class Relations:
         self.runs = survey.runs
         self.most = predictors
         self._blocks = [block_means(survey, run, self.columns) for run in survey.runs]
-        self.present: NDArray[np.bool_] = np.array(
-            [[bool(np.isfinite(row).any()) for row in b] for b, _ in self._blocks]
-        )
+        self.present: Mask = np.array([[bool(np.isfinite(row).any()) for row in b] for b, _ in self._blocks])
         self.present = self.present.reshape(len(self.runs), len(self.columns)).T
         ridge = np.array([_RIDGE[survey.channels[c].unit] ** 2 for c in self.columns])
         self._ridge = ridge
         self._movement = [np.nan_to_num(means) for means, _ in self._blocks]
-        self._sums: dict[bytes, tuple[Floats, int, NDArray[np.bool_]]] = {}
+        self._sums: dict[bytes, tuple[Array, int, Mask]] = {}
         self._chosen: dict[tuple[int, frozenset[int]], list[int]] = {}
-        self._off: dict[int, tuple[Floats, Floats]] = {}
+        self._off: dict[int, tuple[Array, Array]] = {}
 
-    def movement(self, r: int) -> Floats:
+    def movement(self, r: int) -> Array:
         """Block means of a run, centred, shape (n_channels, n_blocks); 0 where a channel is absent."""
         return self._movement[r]
 
-    def time_s(self, r: int) -> Floats:
+    def time_s(self, r: int) -> Array:
         """Start of each block of a run and the end of the last [s], shape (n_blocks + 1,)."""
         return self._blocks[r][1]
 
@@ -57,7 +56,7 @@ class Relations:
         return [o for o in range(len(self.runs)) if o != r and self.present[i, o]]
 
     @cached_property
-    def _grams(self) -> Floats:
+    def _grams(self) -> Array:
         return np.array([self.movement(r) @ self.movement(r).T for r in range(len(self.runs))])
 
     @cached_property
@@ -103,7 +102,7 @@ class Relations:
             chosen.append(pool.pop(best))
         return chosen
 
-    def weights_without(self, i: int, siblings: Sequence[int], apart: Sequence[int]) -> Floats:
+    def weights_without(self, i: int, siblings: Sequence[int], apart: Sequence[int]) -> Array:
         """Least-squares weights of the siblings for channel `i`, learned on all runs but these.
 
         The cost does not depend on the number of runs.
@@ -120,7 +119,7 @@ class Relations:
         count -= int(self._counts[np.asarray(apart, dtype=np.intp)].sum())
         return _solved(inner, ridge, last, list(range(last)), count)
 
-    def off_by_others(self, i: int) -> tuple[Floats, Floats]:
+    def off_by_others(self, i: int) -> tuple[Array, Array]:
         """How far a channel is off its siblings in each run, by the relation of all the other runs; NaN where absent.
 
         The standard deviation, and the size of the `departure` [unit]; (n_runs,) each. Many runs go together.
@@ -143,22 +142,22 @@ class Relations:
             self._off[i] = found[0], found[1]
         return self._off[i]
 
-    def weights_on(self, i: int, siblings: Sequence[int], r: int, blocks: NDArray[np.bool_]) -> Floats:
+    def weights_on(self, i: int, siblings: Sequence[int], r: int, blocks: Mask) -> Array:
         """The same, learned on some blocks of one run."""
         part = self.movement(r)[:, blocks]
         part = part - part.mean(axis=1, keepdims=True)
         return _solved(part @ part.T, self._ridge, i, list(siblings), int(blocks.sum()))
 
-    def prediction(self, siblings: Sequence[int], weights: Floats, r: int) -> Floats:
+    def prediction(self, siblings: Sequence[int], weights: Array, r: int) -> Array:
         """Course of a channel in run `r` as its siblings have it, centred, shape (n_blocks,)."""
         return np.asarray(weights @ self.movement(r)[list(siblings)], dtype=np.float64)
 
-    def departure(self, i: int, siblings: Sequence[int], weights: Floats, r: int) -> Floats:
+    def departure(self, i: int, siblings: Sequence[int], weights: Array, r: int) -> Array:
         """Channel `i` in run `r` minus what its siblings say, zero at the start, shape (n_blocks,)."""
         off = self.movement(r)[i] - self.prediction(siblings, weights, r)
         return np.asarray(off - np.median(off[: max(3, off.size // 10)]), dtype=np.float64)
 
-    def _sum_with(self, i: int) -> tuple[Floats, int, NDArray[np.bool_]]:
+    def _sum_with(self, i: int) -> tuple[Array, int, Mask]:
         """(Gram matrix, number of blocks, channels present) over the runs in which channel `i` is present."""
         key = self.present[i].tobytes()
         if key not in self._sums:
@@ -176,14 +175,14 @@ def relations_of(survey: Survey) -> Relations:
     return relations
 
 
-def _solved(gram: Floats, ridge: Floats, i: int, siblings: list[int], count: int) -> Floats:
+def _solved(gram: Array, ridge: Array, i: int, siblings: list[int], count: int) -> Array:
     if not siblings:
         return np.empty(0)
     inner = gram[np.ix_(siblings, siblings)] + np.diag(ridge[siblings] * max(count, 1))
     return np.asarray(np.linalg.solve(inner, gram[siblings, i]), dtype=np.float64)
 
 
-def block_means(survey: Survey, run: str, columns: Sequence[int]) -> tuple[Floats, Floats]:
+def block_means(survey: Survey, run: str, columns: Sequence[int]) -> tuple[Array, Array]:
     """Centred means over up to 240 blocks of a run, shape (n_columns, n_blocks), and the blocks' borders [s].
 
     A channel of which too much is missing is NaN throughout.
@@ -218,7 +217,7 @@ _SHARE = 0.1  #: A switch or flow may be on for this share of the run more or le
 
 
 def other_cause(
-    relations: Relations, i: int, siblings: Sequence[int], r: int, departure: Floats, off_elsewhere: float
+    relations: Relations, i: int, siblings: Sequence[int], r: int, departure: Array, off_elsewhere: float
 ) -> str | None:
     """What could explain that channel `i` leaves its siblings in run `r` although its sensor is sound; None if nothing.
 
@@ -246,7 +245,7 @@ def other_cause(
     return "other channels are off more than usual too" if off_elsewhere > _OTHERS_QUIET else None
 
 
-def _rise(relations: Relations, i: int, r: int) -> Floats:
+def _rise(relations: Relations, i: int, r: int) -> Array:
     course = relations.movement(r)[i]
     return np.asarray(course - np.median(course[: max(3, course.size // 10)]), dtype=np.float64)
 
@@ -375,7 +374,7 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
                 )
 
 
-def _excess(relations: Relations, i: int, siblings: Sequence[int], r: int) -> tuple[Floats, float]:
+def _excess(relations: Relations, i: int, siblings: Sequence[int], r: int) -> tuple[Array, float]:
     """(departure in run r, largest departure in the other runs, each learned without run r and itself)."""
     others = relations.others(i, r)
     departure = relations.departure(i, siblings, relations.weights_without(i, siblings, [r]), r)
@@ -425,7 +424,7 @@ def _drift_finding(
     i: int,
     siblings: Sequence[int],
     r: int,
-    departure: Floats,
+    departure: Array,
     usual: float,
     onset: int,
     doubt: str | None,
@@ -449,7 +448,7 @@ def _drift_finding(
     )
 
 
-def _onset(departure: Floats, limit: float) -> int | None:
+def _onset(departure: Array, limit: float) -> int | None:
     """First block of the last uninterrupted stretch beyond the limit; None unless it lasts, to the end."""
     within = np.flatnonzero(np.abs(departure) <= limit)
     onset = int(within[-1]) + 1 if within.size else 0
@@ -459,7 +458,7 @@ def _onset(departure: Floats, limit: float) -> int | None:
     return onset if lasting and abs(float(np.median(tail))) > 0.6 * _size(departure) else None
 
 
-def _size(departure: Floats) -> float:
+def _size(departure: Array) -> float:
     return float(np.quantile(np.abs(departure), 0.95)) if departure.size else 0.0
 
 
@@ -520,5 +519,5 @@ def _due(
     return due if compared >= 2 and lawful == 0 else None
 
 
-def _range(course: NDArray[np.float64]) -> float:
+def _range(course: Array) -> float:
     return float(np.ptp(course)) if course.size else 0.0

@@ -11,8 +11,8 @@ from selector.findings import Finding
 from selector.number_text import span_text
 from selector.quality.leave_out import left_out_rows
 from selector.recording import Channel, Recording
+from selector.types import Array
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 THERMAL_ROLES = ("temperature", "ambient")
@@ -35,8 +35,8 @@ class Series:
     channel: Channel
     column: int
     run: str
-    time_s: Floats
-    x: Floats
+    time_s: Array
+    x: Array
     rows: Ints
 
 
@@ -56,7 +56,7 @@ class Scale:
     #: Robust standard deviation of the white part of the noise, from second differences; holds the rounding to the
     #: resolution, up to 0.62 of it when a trend crosses one step in two samples
     noise: float
-    block_noise: Floats  #: The same, block by block
+    block_noise: Array  #: The same, block by block
 
     @property
     def floor(self) -> float:
@@ -101,7 +101,7 @@ class Survey:
             x, time = x[rows], time[rows]
         return Series(self.channels[column], column, run, time, x, rows)
 
-    def together(self, run: str, columns: Iterable[int]) -> Iterator[tuple[Sequence[int], Floats]]:
+    def together(self, run: str, columns: Iterable[int]) -> Iterator[tuple[Sequence[int], Array]]:
         """Channels of a run without their missing samples, those of one length side by side: (columns, rows of x)."""
         whole, columns = self.whole(run), list(columns)
         alike, most = [c for c in columns if c in whole], max(1, _TOGETHER // max(1, self.time[run].size))
@@ -155,7 +155,7 @@ class Survey:
                         self._quanta.pop(column, None)
 
 
-def scales_of(x: Floats) -> list[Scale]:
+def scales_of(x: Array) -> list[Scale]:
     """Level, resolution and noise of series without missing values, one a row; O(n log n) for one sort."""
     n = x.shape[1]
     if n == 0:
@@ -176,7 +176,7 @@ def scales_of(x: Floats) -> list[Scale]:
     return [Scale(n, *of) for of in zip(*columns, quantum, noise.tolist(), blocks, strict=True)]
 
 
-def block_noise(x: Floats) -> Floats:
+def block_noise(x: Array) -> Array:
     """Robust standard deviation of white noise per block of samples; second differences cancel level and trend.
 
     Series run along the last axis, and so do the blocks.
@@ -194,13 +194,13 @@ def block_noise(x: Floats) -> Floats:
     return np.asarray(lower.mean(axis=-1) / (0.657 * np.sqrt(6.0)), dtype=np.float64)
 
 
-def present_median(values: Floats) -> float:
+def present_median(values: Array) -> float:
     """Median of the values that are there; NaN if none is."""
     values = values[np.isfinite(values)]
     return float(np.median(values)) if values.size else float("nan")
 
 
-def medians_of_others(values: Floats) -> Floats:
+def medians_of_others(values: Array) -> Array:
     """Of each value the `present_median` of all others."""
     is_present = np.isfinite(values)
     ordered = np.sort(values[is_present])

@@ -8,15 +8,8 @@ import numpy as np
 from selector.findings import Finding, Where
 from selector.quality.finding_table import FINDINGS
 from selector.quality.siblings import Relations, relations_of
-from selector.quality.survey import (
-    THERMAL_ROLES,
-    Floats,
-    Survey,
-    difference,
-    medians_of_others,
-    present_median,
-    reading,
-)
+from selector.quality.survey import THERMAL_ROLES, Survey, difference, medians_of_others, present_median, reading
+from selector.types import Array
 from selector.units import parse_unit
 
 
@@ -115,7 +108,7 @@ def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
 
 
 def _told_temperatures(
-    survey: Survey, columns: list[int], level: Floats, suspects: list[tuple[int, int, Mistake, float, str]]
+    survey: Survey, columns: list[int], level: Array, suspects: list[tuple[int, int, Mistake, float, str]]
 ) -> Iterator[Finding]:
     if not suspects:
         return
@@ -152,7 +145,7 @@ def _told_temperatures(
         )
 
 
-def _starts_agree(level: Floats, i: int, mistake: Mistake) -> bool:
+def _starts_agree(level: Array, i: int, mistake: Mistake) -> bool:
     """Whether a channel starts where the others do in two runs and in most, the warm ones aside, the mistake undone."""
     siblings = np.delete(level, i, axis=0)
     runs = np.flatnonzero(np.isfinite(level[i]) & np.isfinite(siblings).any(axis=0))

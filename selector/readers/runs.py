@@ -20,7 +20,7 @@ from selector.readers.clock.ticking import ticks
 from selector.readers.finding_table import DUPLICATE_HEADER, FINDINGS, UNREADABLE_CELLS
 from selector.readers.roles.names import folded_name, name_and_unit, printable_name
 from selector.readers.tables import BreakWord, Column, Table, listed, unique_headers
-from selector.types import Indices
+from selector.types import Array, Indices
 
 _SENSOR_WORDS = {"id", "nid", "sensor", "node", "probe", "channel", "sonde", "fühler", "kanal", "knoten"}
 #: The fewest rows of a sensor, the most sensors, how often it changes from row to row where they take turns, and how
@@ -37,7 +37,7 @@ class TimedRun:
     name: str
     file: Path
     sha256: str
-    time_s: NDArray[np.float64]  #: (n_samples,): Strictly increasing, 0 at the first sample
+    time_s: Array  #: (n_samples,): Strictly increasing, 0 at the first sample
     columns: tuple[Column, ...]  #: Those with numbers, on these samples; without `breaks`
     texts: tuple[str, ...]  #: Headers of the columns without numbers
     clock: Clock  #: Where the time came from
@@ -106,7 +106,7 @@ def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
     )
 
 
-def averaged(values: NDArray[np.float64], groups: NDArray[np.int64], n_samples: int) -> NDArray[np.float64]:
+def averaged(values: Array, groups: NDArray[np.int64], n_samples: int) -> Array:
     """One row per group: the mean of the values that are there; equal values stay bit for bit what they are."""
     if len(values) == n_samples:
         return values
@@ -117,13 +117,11 @@ def averaged(values: NDArray[np.float64], groups: NDArray[np.int64], n_samples: 
     high = np.maximum.reduceat(np.where(known, values, -np.inf), starts, axis=0)
     sums = np.add.reduceat(np.where(known, values, 0.0), starts, axis=0)
     mean = np.where(low == high, low, sums / np.maximum(counts, 1))
-    out: NDArray[np.float64] = np.where(counts > 0, mean, np.nan)
+    out: Array = np.where(counts > 0, mean, np.nan)
     return out
 
 
-def _breaks(
-    column: Column, sample_of_row: NDArray[np.int64], time_s: NDArray[np.float64], table: Table
-) -> Iterator[Finding]:
+def _breaks(column: Column, sample_of_row: NDArray[np.int64], time_s: Array, table: Table) -> Iterator[Finding]:
     for broken in column.breaks:
         samples = sample_of_row[broken.rows]
         samples = samples[samples >= 0]

@@ -7,14 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import OptionError, ReadError
 from selector.findings import Finding, Where
 from selector.readers.finding_table import CLOCK_BACK, CLOCK_FORWARD, FINDINGS
 from selector.readers.runs import TimedRun, averaged
 from selector.readers.tables import Overrides, listed
-from selector.types import Vector
+from selector.types import Mask, Vector
 
 WINDOW = "--since and --until"  #: Where errors of the window are.
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
@@ -102,7 +101,7 @@ def _cut(run: TimedRun, since: datetime.datetime, until: datetime.datetime) -> T
     return replace(found, findings=(*begun, *found.findings))
 
 
-def part_of(run: TimedRun, inside: NDArray[np.bool_]) -> TimedRun:
+def part_of(run: TimedRun, inside: Mask) -> TimedRun:
     """The rows of a run that are `inside`, from the first of them on; one at least is."""
     zero = float(run.time_s[inside][0])
     length = float(run.time_s[inside][-1]) - zero

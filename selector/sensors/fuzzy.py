@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.sensors.finding_table import FINDINGS
 from selector.sensors.groups import LambdaAxis, Partition, closure_chain
 from selector.sensors.similarity import sensor_names
-from selector.types import Matrix
+from selector.types import Array, Matrix
 
 FUZZIFIER = 2.0  #: m of the objective Σ u^m d² (Bezdek); at 1 the groups would be crisp
 HALF_AS_MUCH = 0.5  #: A sensor stands between two groups if the second has more than this share of the first
@@ -91,7 +91,7 @@ def fuzzy_groups(similarity: ArrayLike, n_groups: int, names: Sequence[str] = ()
     return FuzzyGroups(kept, Partition(tuple(found.tolist()), level, sensor_names(names, n)))
 
 
-def _c_means(at: NDArray[np.float64], start: NDArray[np.float64]) -> NDArray[np.float64]:
+def _c_means(at: Array, start: Array) -> Array:
     from skfuzzy.cluster import cmeans  # a third of a second
 
     _, shares, *_ = cmeans(at.T, start.shape[1], FUZZIFIER, _CHANGE, _MOST_STEPS, init=start.T.copy())

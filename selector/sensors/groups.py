@@ -17,7 +17,7 @@ from selector.errors import InputError, OptionError
 from selector.findings import Finding
 from selector.sensors.finding_table import FINDINGS
 from selector.sensors.similarity import DUPLICATE_TOLERANCE, sensor_names
-from selector.types import Matrix
+from selector.types import Array, Mask, Matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class ClosureChain:
     #: (n,): Sensors; groups of every λ-cut are contiguous here, so it is also a leaf order of the dendrogram
     order: NDArray[np.int64]
     #: (n − 1,): Closure of order[k] and order[k + 1]; each is bit-equal to an entry of the relation
-    levels: NDArray[np.float64]
+    levels: Array
 
 
 def closure_chain(r: ArrayLike) -> ClosureChain:
@@ -172,7 +172,7 @@ def chaining_findings(similarity: ArrayLike, partition: "Partition") -> tuple[Fi
     return tuple(findings)
 
 
-def _path(linked: NDArray[np.bool_], i: int, j: int) -> list[int]:
+def _path(linked: Mask, i: int, j: int) -> list[int]:
     """Sensors from i to j over the fewest links."""
     before, path = breadth_first_order(linked.astype(np.float64), i)[1], [j]
     while path[-1] != i:
@@ -180,7 +180,7 @@ def _path(linked: NDArray[np.bool_], i: int, j: int) -> list[int]:
     return path[::-1]
 
 
-def _same_size(similarity: NDArray[np.float64], partition: "Partition") -> None:
+def _same_size(similarity: Array, partition: "Partition") -> None:
     if len(partition.labels) != len(similarity):
         raise InputError(
             f"a partition of {len(partition.labels)} sensors and a similarity of {len(similarity)}",
@@ -286,10 +286,10 @@ class LambdaAxis:
 class Dendrogram:
     """Merges of groups as λ falls."""
 
-    linkage: NDArray[np.float64]  #: (n_sensors − 1, 4): SciPy's linkage matrix, single linkage, heights 1 − level
+    linkage: Array  #: (n_sensors − 1, 4): SciPy's linkage matrix, single linkage, heights 1 − level
     #: (n_sensors − 1,): Exact closure level of each merge, descending. Cut by these: 1 − (1 − level) has other bits
     #: than level.
-    levels: NDArray[np.float64]
+    levels: Array
     leaf_order: tuple[int, ...]  #: Sensors from left to right, without crossings
 
 
@@ -358,7 +358,7 @@ def dendrogram(similarity: ArrayLike) -> Dendrogram:
     return Dendrogram(_read_only(tree), _read_only(levels), tuple(order))
 
 
-def _labels_at(order: NDArray[np.int64], levels: NDArray[np.float64], level: float) -> tuple[int, ...]:
+def _labels_at(order: NDArray[np.int64], levels: Array, level: float) -> tuple[int, ...]:
     labels = np.empty(len(order), dtype=np.int64)
     labels[order] = np.concatenate(([0], np.cumsum(levels < level)))
     return tuple(labels.tolist())

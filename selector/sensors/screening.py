@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
@@ -13,6 +13,7 @@ from selector.sensors.finding_table import FINDINGS, ROUND_WITHOUT_EFFECT
 from selector.sensors.fuzzy import FuzzyGroups
 from selector.sensors.groups import Partition, closure_chain, lambda_cut, transitive_closure
 from selector.sensors.similarity import sensor_names
+from selector.types import Array
 
 
 @dataclass(frozen=True)
@@ -131,8 +132,8 @@ def fuzzy_round(
 
 
 def _round(
-    s: NDArray[np.float64],
-    values: NDArray[np.float64],
+    s: Array,
+    values: Array,
     partition: Partition,
     kept: tuple[int, ...],
     must: frozenset[int],
@@ -169,7 +170,7 @@ def _round(
     return ScreeningRound(float(level), kept, partition, tuple(kept[i] for i in local), tuple(dropped), findings)
 
 
-def _without_effect(level: float, closure: NDArray[np.float64]) -> Finding:
+def _without_effect(level: float, closure: Array) -> Finding:
     n = len(closure)
     below = closure[closure < level]
     nearest = float(below.max()) if below.size and below.max() >= 0.0 else None
@@ -198,7 +199,7 @@ def _compared(value: float, level: float) -> str:
     return f"{value!r} {sign} λ = {level!r}"
 
 
-def _checked_relevance(relevance: ArrayLike, n_sensors: int) -> NDArray[np.float64]:
+def _checked_relevance(relevance: ArrayLike, n_sensors: int) -> Array:
     values = np.asarray(relevance, dtype=np.float64)
     if values.shape != (n_sensors,) or not np.isfinite(values).all():
         raise InputError(

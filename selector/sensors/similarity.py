@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.sensors.finding_table import FINDINGS
+from selector.types import Array
 
 #: A sensor is numerically constant when its standard deviation is at most this share of its magnitude: of the 16
 #: digits of a float64, fewer than 7 would be left to correlate, and no thermometer resolves that finely.
@@ -27,7 +28,7 @@ class Similarity:
 
     #: (n_sensors, n_sensors): r_ij, or |r_ij| when `absolute`; exactly symmetric, unit diagonal, within [-1, 1], read-
     #: only
-    matrix: NDArray[np.float64]
+    matrix: Array
     constant: tuple[int, ...] = ()  #: Numerically constant sensors: similarity 0 to all others, 1 to themselves
     #: (first, other): `other` repeats `first` up to scale, |r| ≥ 1 − 1e-12. Each repeated sensor stands here once, with
     #: the first sensor that it repeats.
@@ -87,7 +88,7 @@ def correlation_similarity(samples: ArrayLike, *, absolute: bool = False) -> Sim
     return replace(result, rows_used=len(complete), rows_left_out=len(values) - len(complete))
 
 
-def constant_limit(magnitude: ArrayLike, n_samples: int) -> NDArray[np.float64]:
+def constant_limit(magnitude: ArrayLike, n_samples: int) -> Array:
     """Centred sum of squares at or below which a sensor is numerically constant, shape of `magnitude`.
 
     `magnitude` is the largest absolute reading of each sensor, in the unit of the readings; see `CONSTANT_TOLERANCE`.

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from selector.diagnosis.comparison import Comparison
     from selector.diagnosis.open_model.modelled import Improved, Modelled
     from selector.diagnosis.open_model.runnable import Runnable
-    from selector.physics.simulation_kind import SimulationKind
+    from selector.physics.simulation_kind import Progress, SimulationKind
     from selector.readers import Reading
     from selector.recording import Recording
 
@@ -72,9 +72,6 @@ def require_usable(asked: Asked) -> None:
 def _require(holds: bool, found: str, expected: str, where: str, advice: str) -> None:
     if not holds:
         raise OptionError(found, expected=expected, where=where, advice=advice)
-
-
-Progress = Callable[[int, int, str], None]
 
 
 def diagnosed_model(model: Path, recording: Recording, asked: Asked, progress: Progress) -> Modelled:

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from selector.figures import style
 from selector.figures.panels import Line, Panel, stacked
@@ -13,7 +12,7 @@ from selector.number_text import number_text
 from selector.physics.drive.drive_summary import LINEAR, Measures
 from selector.physics.drive.trajectory import Motion
 from selector.physics.ranges import joined
-from selector.types import Vector
+from selector.types import Mask, Vector
 
 COMMANDED, TABLE, ERROR, OUTPUT = style.MUTED, style.PREDICTED, style.RESIDUAL, style.CHOSEN
 SHORTEST_SPAN = 1 / 500  #: Stretches of the run that are closer together than this share of it are shaded as one.
@@ -22,12 +21,7 @@ _PHASE_STEP = 90.0
 
 
 def axis_course(
-    motion: Motion,
-    name: str,
-    output_unit: str,
-    *,
-    limited: NDArray[np.bool_] | None = None,
-    measures: Measures = LINEAR,
+    motion: Motion, name: str, output_unit: str, *, limited: Mask | None = None, measures: Measures = LINEAR
 ) -> go.Figure:
     """Position and speed of an axis, below them its tracking error and the output of its control.
 
@@ -119,7 +113,7 @@ def frequency_response(
     return drawn
 
 
-def stretches(time_s: Vector, mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
+def stretches(time_s: Vector, mask: Mask) -> list[tuple[float, float]]:
     """(from, to) [s] of the stretches where `mask` holds; those closer than `SHORTEST_SPAN` of the run are one.
 
     A single sample is as wide as its distance to the next.

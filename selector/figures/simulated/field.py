@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from selector.figures import style
 from selector.number_text import round_below
-from selector.types import Vector
+from selector.types import Array, Vector
 
 _HEIGHT = 640
 _SHOWN_SHARE = 0.08
@@ -25,10 +25,10 @@ _BESIDE_M = 0.05  #: Distance of a sensor's mark from the surface, so that it is
 
 
 def machine_field(
-    nodes_m: NDArray[np.float64],
+    nodes_m: Array,
     triangles: NDArray[np.int64],
-    temperature_degc: NDArray[np.float64],
-    deformation_um: NDArray[np.float64],
+    temperature_degc: Array,
+    deformation_um: Array,
     title: str,
     places_m: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> go.Figure:

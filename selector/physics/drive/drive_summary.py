@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.physics.drive.ball_bar.causes import CircleCauses, circle_causes
@@ -17,7 +16,7 @@ from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.parts.stiffness import axial_stiffness_n_per_m
 from selector.physics.drive.simulation import AxisRun
 from selector.physics.drive.trajectory import Motion, ParameterCourse, Reference
-from selector.types import Vector
+from selector.types import Array, Mask, Vector
 
 PARTS = ("speed", "acceleration", "direction", "constant")
 REST = "rest"
@@ -91,7 +90,7 @@ def direction_of_travel(speed_m_per_s: Vector) -> Vector:
     return np.asarray(sign[last], dtype=np.float64)
 
 
-def _moves(speed_m_per_s: Vector) -> NDArray[np.bool_]:
+def _moves(speed_m_per_s: Vector) -> Mask:
     size = np.abs(speed_m_per_s)
     return np.asarray(size > _STANDSTILL * float(size.max()), dtype=np.bool_)
 
@@ -260,8 +259,8 @@ def axis_summary(axis: Axis, reference: Reference, motion: Motion, course: Param
     error = motion.tracking_error_m
     worst = int(np.argmax(np.abs(error)))
     mechanics = axis.mechanics
-    stiffness: float | NDArray[np.float64] | None = None
-    damping: float | NDArray[np.float64] = mechanics.guide_damping_ns_per_m
+    stiffness: float | Array | None = None
+    damping: float | Array = mechanics.guide_damping_ns_per_m
     if isinstance(mechanics, ThreeMassMechanics):
         stiffness = mechanics.axial_stiffness_n_per_m
     if course is not None:
@@ -294,7 +293,7 @@ def parameters_along(parts: Parts | None, axis: Axis, motion: Motion) -> Paramet
     return ParameterCourse(period_s, stiffness)
 
 
-def limited_samples(axis: Axis, reference: Reference, motion: Motion) -> NDArray[np.bool_]:
+def limited_samples(axis: Axis, reference: Reference, motion: Motion) -> Mask:
     """Where the command or the commanded speed was at its limit, shape (n_samples,)."""
     servo = axis.servo
     reached = np.zeros(len(motion.time_s), dtype=np.bool_)
@@ -309,7 +308,7 @@ def limited_samples(axis: Axis, reference: Reference, motion: Motion) -> NDArray
     return reached
 
 
-def _range(values: float | NDArray[np.float64]) -> tuple[float, float]:
+def _range(values: float | Array) -> tuple[float, float]:
     return float(np.min(values)), float(np.max(values))
 
 

@@ -8,14 +8,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import interpolate, signal
 
 from selector.errors import InputError, Misfit, refuse
 from selector.findings import Finding
 from selector.physics.channel_differences import EVEN, clock_jitter
 from selector.physics.checks import keep_arrays
-from selector.types import Vector
+from selector.types import Array, Vector
 
 
 @dataclass(frozen=True)
@@ -281,7 +281,7 @@ def clock_findings(time_s: ArrayLike) -> tuple[Finding, ...]:
     return clock_jitter(_stray(time), "positions were brought to an even grid by a cubic spline")
 
 
-def _move(origin: float, target: float, phases: MovePhases, since_s: Vector) -> NDArray[np.float64]:
+def _move(origin: float, target: float, phases: MovePhases, since_s: Vector) -> Array:
     """Position, speed, acceleration at times from the beginning of a move, (3, n); at rest after it."""
     distance = target - origin
     course = np.zeros((3, len(since_s)))

@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector.errors import InputError, Misfit
 from selector.physics.checks import Checked
@@ -26,7 +26,7 @@ from selector.physics.vibration.structure.structure import (
     receptance,
     receptances,
 )
-from selector.types import Complex, Vector
+from selector.types import Array, Complex, Mask, Vector
 
 Range = Literal["high", "low"]
 Group = tuple[str, ...]  #: Members that move as one mass.
@@ -62,7 +62,7 @@ class Chain(Checked):
             yield f"{self.final!r}, which is not in ({', '.join(end)})", expected, "final", advice
 
 
-def in_range(chain_range: Range, frequency_hz: NDArray[np.float64], split_hz: float | None) -> NDArray[np.bool_]:
+def in_range(chain_range: Range, frequency_hz: Array, split_hz: float | None) -> Mask:
     """Whether chains of this range hold at these frequencies [Hz]: high ones above `split_hz`; None: everywhere."""
     if split_hz is None:
         return np.ones(len(frequency_hz), dtype=np.bool_)
@@ -92,8 +92,8 @@ class ChainReceptance:
 
     links: tuple[Link, ...]  #: Of the path from the source on, then of the branch outwards
     #: dynamic_factor and lag_rad: (n_links, n_freq): μ (V eq. 4) and φ in [0, π] (eq. 6) of every link
-    dynamic_factor: NDArray[np.float64]
-    lag_rad: NDArray[np.float64]
+    dynamic_factor: Array
+    lag_rad: Array
     #: (n_path_links, n_freq): Motion of every group of the path against the next [m/N] (V eq. 3, with its phase as in
     #: eq. 7)
     relative: Complex
@@ -202,7 +202,7 @@ def force_sign(chain: Chain, source: Source) -> int:
     return 1 if pushes else -1
 
 
-def _answer(link: Link, frequency_hz: NDArray[np.float64], chain: Chain) -> Complex:
+def _answer(link: Link, frequency_hz: Array, chain: Chain) -> Complex:
     """μ·e^{−iφ} of a link (V eq. 4, 6)."""
     beside = 1.0 - (frequency_hz / link.natural_hz) ** 2
     size = np.hypot(beside, link.loss_factor)

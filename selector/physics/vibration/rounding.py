@@ -5,17 +5,19 @@ Frequencies are products of orders, speeds and limits: order 15 at 1290 r/min, d
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from selector.types import Mask
 
 #: Share by which numbers above 0 differ that are the same; rounding leaves some 10⁻¹⁵, of sampled times up to 10⁻¹⁰.
 SAME = 1e-9
 
 
-def above(values: ArrayLike, limit: float) -> NDArray[np.bool_]:
+def above(values: ArrayLike, limit: float) -> Mask:
     """Whether values lie above a limit by more than rounding."""
     return np.asarray(values, dtype=np.float64) > limit * (1.0 + SAME)
 
 
-def below(values: ArrayLike, limit: float) -> NDArray[np.bool_]:
+def below(values: ArrayLike, limit: float) -> Mask:
     """Whether values lie below a limit by more than rounding."""
     return np.asarray(values, dtype=np.float64) < limit * (1.0 - SAME)

@@ -4,7 +4,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
@@ -26,7 +25,7 @@ from selector.physics.vibration.vibration_model import (
     speed_name,
 )
 from selector.recording import Channel, Recording
-from selector.types import Matrix, Vector
+from selector.types import Mask, Matrix, Vector
 
 
 @dataclass(frozen=True)
@@ -342,7 +341,7 @@ class _DrivenRun:
         self.findings.append(self._bridged(channel, ~seen))
         return values
 
-    def _bridged(self, channel: str, lacks: NDArray[np.bool_]) -> Finding:
+    def _bridged(self, channel: str, lacks: Mask) -> Finding:
         edges = np.flatnonzero(np.diff(np.r_[False, lacks, False].astype(np.int8)))
         begin, longest = max(zip(edges[::2], edges[1::2] - edges[::2], strict=True), key=lambda one: int(one[1]))
         first, last = max(int(begin) - 1, 0), min(int(begin + longest), len(lacks) - 1)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.findings import Finding, Level
@@ -26,7 +25,7 @@ from selector.physics.vibration.motion.periodic_error import (
 from selector.physics.vibration.structure.source import Excitation, excitation
 from selector.physics.vibration.structure.structure import Structure, StructureModes, strained_joint, structure_modes
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
-from selector.types import Complex
+from selector.types import Array, Complex, Mask
 
 SHARP = 30.0  #: Amplification of a line by a mode above which a part of a percent in frequency decides its size.
 CHAINS_OFF = 0.1  #: Share by which the chains may differ from the coupled structure before it is said.
@@ -132,7 +131,7 @@ def _missing(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions,
 
 
 def _difference(
-    final: str, coupled: FinalMotions, exact: Complex, published: Complex, carried: NDArray[np.bool_]
+    final: str, coupled: FinalMotions, exact: Complex, published: Complex, carried: Mask
 ) -> dict[str, Any] | None:
     """One final: its motion by the lines that chains carry there, by both methods."""
     rows = np.flatnonzero(carried)
@@ -330,9 +329,7 @@ def _amplitude(model: VibrationModel, name: str, motions: FinalMotions) -> Ampli
     return AmplitudeSummary(expected, mean_abs, rms, largest, amounts.count, wanted.sections)
 
 
-def judged_frequencies_hz(
-    model: VibrationModel, lines_hz: NDArray[np.float64], split_hz: float | None
-) -> NDArray[np.float64]:
+def judged_frequencies_hz(model: VibrationModel, lines_hz: Array, split_hz: float | None) -> Array:
     """Frequencies at which the chains of a model are judged [Hz]: as many a decade from 1 Hz to twice the highest line.
 
     If the high chains begin above the highest line, to twice the frequency where they do.
@@ -344,7 +341,7 @@ def judged_frequencies_hz(
 
 
 def _accuracy(
-    model: VibrationModel, lines_hz: NDArray[np.float64], split_hz: float | None
+    model: VibrationModel, lines_hz: Array, split_hz: float | None
 ) -> tuple[tuple[ChainAccuracy, ...], tuple[Finding, ...]]:
     """Every chain over its range; where it meets an undamped resonance there is none, and a finding."""
     if not model.chains:

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.findings import Finding, Level, Where
 from selector.readers.finding_table import FINDINGS
 from selector.readers.tables import Column, Table, listed
-from selector.types import Indices, Matrix, Vector
+from selector.types import Indices, Mask, Matrix, Vector
 
 _DAY_S = 86400.0
 
@@ -130,7 +129,7 @@ def _in_order(
     return np.arange(len(t), dtype=np.int64), findings
 
 
-def _same(here: Matrix, before: Matrix) -> NDArray[np.bool_]:
+def _same(here: Matrix, before: Matrix) -> Mask:
     return (here == before) | (np.isnan(here) & np.isnan(before))
 
 

@@ -10,12 +10,12 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.csv_text import as_written
 from selector.readers.cells import is_time_name
 from selector.readers.tables import Column
 from selector.text_file import rows_by_kind
+from selector.types import Array
 from selector.units import CANONICAL_UNITS, parse_unit, same_dimension
 
 _BRACKETED = re.compile(r"[\[(（【{<](?P<unit>[^\[\](){}（）]{0,20})[\])）】}>]")
@@ -180,7 +180,7 @@ class RoleGuess:
     doubt: str | None  #: What else it could be, in words, when the guess is uncertain
 
 
-def role_guess(name: str, unit: str | None, values: NDArray[np.float64], role: str | None = None) -> RoleGuess:
+def role_guess(name: str, unit: str | None, values: Array, role: str | None = None) -> RoleGuess:
     """The role of a column; with `role` given, only its unit and axis are judged.
 
     `name` is the header without its unit, `unit` a pint name; the numbers tell a position in mm from an error in mm.
@@ -221,7 +221,7 @@ def role_guess(name: str, unit: str | None, values: NDArray[np.float64], role: s
     return _with_unit(first, folded, None, doubt, ("role",))
 
 
-def role_of_numbers(values: NDArray[np.float64]) -> str:
+def role_of_numbers(values: Array) -> str:
     """The role that numbers alone speak for; to be told as a guess."""
     known = values[np.isfinite(values)]
     if _two_valued(values):
@@ -229,7 +229,7 @@ def role_of_numbers(values: NDArray[np.float64]) -> str:
     return "temperature" if len(known) and known.min() >= 5 and known.max() <= 150 else "displacement"
 
 
-def _by_unit(named: list[str], name: str, unit: str, values: NDArray[np.float64]) -> RoleGuess:
+def _by_unit(named: list[str], name: str, unit: str, values: Array) -> RoleGuess:
     fitting = [r for r in named if (unit == "1" if r == "state" else same_dimension(unit, CANONICAL_UNITS[r]))]
     if fitting:
         role = fitting[0]
@@ -246,7 +246,7 @@ def _by_unit(named: list[str], name: str, unit: str, values: NDArray[np.float64]
     return RoleGuess(None, unit, None, ("role",), None)
 
 
-def _length(name: str, unit: str, values: NDArray[np.float64], named: list[str]) -> RoleGuess:
+def _length(name: str, unit: str, values: Array, named: list[str]) -> RoleGuess:
     """A length is an error when it is in µm or small, a position when it is large."""
     per_mm = {"um": 1e-3, "mm": 1.0, "nm": 1e-6, "m": 1e3, "cm": 10.0, "inch": 25.4, "thou": 0.0254, "decimicron": 1e-4}
     known = values[np.isfinite(values)]
@@ -273,18 +273,18 @@ def _with_unit(role: str, name: str, unit: str | None, doubt: str | None, guesse
     return RoleGuess(role, unit, axis, (*guessed, *(("axis",) if axis else ())), doubt)
 
 
-def _up_to(values: NDArray[np.float64]) -> float:
+def _up_to(values: Array) -> float:
     """What one reading in twenty is beyond: a spike or a break code is no range."""
     known = values[np.isfinite(values)]
     return float(np.quantile(known, 0.95)) if len(known) else 0.0
 
 
-def _like_temperature(values: NDArray[np.float64]) -> bool:
+def _like_temperature(values: Array) -> bool:
     known = values[np.isfinite(values) & (np.abs(values) < 800)]
     return len(known) == 0 or (-40 <= float(np.median(known)) <= HOTTEST)
 
 
-def _two_valued(values: NDArray[np.float64]) -> bool:
+def _two_valued(values: Array) -> bool:
     known = values[np.isfinite(values)]
     return bool(len(known)) and bool(np.isin(known, (0.0, 1.0)).all())
 

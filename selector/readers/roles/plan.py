@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import InputError, Misfit, OptionError, RecordingError, refuse
 from selector.findings import Finding, Where
@@ -18,6 +17,7 @@ from selector.readers.roles.names import closest, found_header, known_unit, name
 from selector.readers.runs import TimedRun
 from selector.readers.tables import Column, Overrides, listed
 from selector.text_file import shell_word
+from selector.types import Array
 from selector.units import ROLES, same_dimension, to_canonical, unit_for_role
 
 #: Who was believed: the header of the run, the machine file, an option; or each header, where nothing is declared.
@@ -147,7 +147,7 @@ class Planned:
     #: Run → stretches [s from its start] that count as missing
     left_out: dict[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
 
-    def canonical(self, values: NDArray[np.float64], run: str, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def canonical(self, values: Array, run: str, time_s: Array) -> Array:
         """Values of a run's file in the unit of the role; NaN where they are left out."""
         with np.errstate(all="ignore"):
             result = to_canonical(values, self.units[run], self.role)

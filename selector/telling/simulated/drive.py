@@ -6,7 +6,6 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.json_text import fields_of
 from selector.number_text import number_text, span_text
@@ -33,7 +32,7 @@ from selector.telling.account import Account, Block, Captioned, Drawing, Heading
 from selector.telling.numbers import NONE, ms_text
 from selector.telling.simulated.ball_bar import ball_bar_data, ball_bar_sentences, ball_bar_tables
 from selector.telling.simulated.result import SAID, THINNED, Drawings, SimulationResult, is_said, simulation_account
-from selector.types import Vector
+from selector.types import Complex, Vector
 
 _MICRO = 1e6
 MOST_RUNS = 4
@@ -56,7 +55,7 @@ _FREQUENCIES = 600
 _SPREAD = 30.0  #: Frequencies are shown from the bandwidth divided by this to the bandwidth times this.
 
 #: Frequency response of a loop: frequencies [Hz], table over reference by its name, and its instants [s].
-Response = tuple[Vector, dict[str, NDArray[np.complex128]], tuple[float, ...]]
+Response = tuple[Vector, dict[str, Complex], tuple[float, ...]]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.number_text import number_text, span_text
@@ -31,6 +30,7 @@ from selector.telling.account import (
 )
 from selector.telling.numbers import NONE
 from selector.telling.simulated.result import SAID, Origins, SimulationResult, is_said, simulation_account
+from selector.types import Array
 
 if TYPE_CHECKING:
     # scikit-fem comes in with it
@@ -130,7 +130,7 @@ def _first(result: SimulationResult) -> str:
     return f"{moves}; {warmest}{where} {'warms' if kelvin >= 0 else 'cools'} most, by {number_text(abs(kelvin))} K."
 
 
-def constants_table(constants: Mapping[str, NDArray[np.float64]]) -> Table:
+def constants_table(constants: Mapping[str, Array]) -> Table:
     """The slowest time constants of every state in which the machine is held [min]."""
     said = ([number_text(s / 60) if np.isfinite(s) else "never" for s in of.tolist()] for of in constants.values())
     rows = [(str(number), *values) for number, values in enumerate(zip_longest(*said), start=1)]

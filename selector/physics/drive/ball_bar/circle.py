@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector.errors import InputError
 from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, errors_name, keep_arrays
@@ -14,7 +14,7 @@ from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.simulation import AxisRun, circle_step_s, simulate_axis
 from selector.physics.drive.trajectory import ParameterCourse, Reference
 from selector.physics.model_fields import Limits, Unit
-from selector.types import Vector
+from selector.types import Mask, Vector
 
 RAMP_S = 1.0  #: Longest time in which the feed is reached [s].
 MOST_SAMPLES = 5_000_000
@@ -116,7 +116,7 @@ def circle_references(circle: Circle, axes: Sequence[str] = ("X", "Y"), *, perio
     return made
 
 
-def measured_samples(circle: Circle, time_s: Vector) -> NDArray[np.bool_]:
+def measured_samples(circle: Circle, time_s: Vector) -> Mask:
     """Which times belong to the measured 360°; shape of `time_s` [s]."""
     angle = circle.direction * circle.travelled_rad(time_s)[0]
     inside = (angle >= -1e-12) & (angle < 2.0 * math.pi - 1e-12)
@@ -279,7 +279,7 @@ def positions_trace(
     return BallBarTrace(angle[inside], deviation, direction, float(feed), radius_m, axes)
 
 
-def middle_turn(angle_rad: Vector, direction: Literal[1, -1]) -> NDArray[np.bool_]:
+def middle_turn(angle_rad: Vector, direction: Literal[1, -1]) -> Mask:
     """Which samples belong to the middle 360° of an angle that may go further [rad], unwrapped, in order of time."""
     travelled = np.maximum.accumulate((angle_rad - angle_rad[0]) * direction)
     begin = max((travelled[-1] - 2.0 * math.pi) / 2.0, 0.0)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -41,10 +41,9 @@ from selector.physics.model_text import (
     bound_contradictions,
     unknown_name,
 )
+from selector.physics.simulation_kind import Columns
 from selector.types import Vector
 
-#: Key of `model_file.columns_needed` → (time_s, values in the unit of its role).
-Columns = Mapping[str, tuple[Vector, Vector]]
 PERIOD_S = 0.001  #: Distance of the samples where the file says nothing, but for circles, which follow their feed.
 MOST_MOVES = 20_000
 FEWEST_PERIODS = 4  #: Of the samples in a motion: with fewer there is no error to tell of.

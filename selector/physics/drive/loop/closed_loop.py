@@ -9,12 +9,12 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import linalg
 
 from selector.errors import InputError
 from selector.physics.drive.parts.axis import Axis, Mechanics, RigidMechanics, Servo
-from selector.types import Matrix, Vector
+from selector.types import Array, Complex, Matrix, Vector
 
 
 class StateSpace(NamedTuple):
@@ -26,7 +26,7 @@ class StateSpace(NamedTuple):
     D: Matrix
 
     @property
-    def poles(self) -> NDArray[np.complex128]:
+    def poles(self) -> Complex:
         """Eigenvalues of A [1/s, or per sample]."""
         return np.asarray(linalg.eigvals(self.A), dtype=np.complex128)
 
@@ -246,33 +246,30 @@ def too_far_apart() -> InputError:
     )
 
 
-Response = NDArray[np.complex128]
-
-
 @dataclass(frozen=True)
 class LoopResponse:
     """Complex answers at frequencies, each of the shape of these."""
 
-    s: Response  #: j·ω [1/s]
-    integral: Response  #: The integrator of the speed error, per speed error
+    s: Complex  #: j·ω [1/s]
+    integral: Complex  #: The integrator of the speed error, per speed error
     #: motor_speed, measured and table: Speed and position of the control, and true position of the table, per output of
     #: the control; the delay and the sampling are in them
-    motor_speed: Response
-    measured: Response
-    table: Response
+    motor_speed: Complex
+    measured: Complex
+    table: Complex
 
-    def speed_control(self, axis: Axis) -> Response:
+    def speed_control(self, axis: Axis) -> Complex:
         """Output of the control per speed error: Kvp + Kvi·∫."""
         servo = servo_of(axis)
         return np.asarray(servo.velocity_gain + servo.velocity_integral_gain * self.integral)
 
-    def opened_position_loop(self, axis: Axis) -> Response:
+    def opened_position_loop(self, axis: Axis) -> Complex:
         """Measured position per position error, the velocity loop closed."""
         speed_control = self.speed_control(axis)
         gain = servo_of(axis).position_gain_per_s / axis.mechanics.travel_per_motion
         return np.asarray(speed_control * gain * self.measured / (1.0 + speed_control * self.motor_speed))
 
-    def reference_to_table(self, axis: Axis) -> Response:
+    def reference_to_table(self, axis: Axis) -> Complex:
         """Table position per reference, the derivatives of which are fed forward as the servo says."""
         servo, speed_control = servo_of(axis), self.speed_control(axis)
         radius = axis.mechanics.travel_per_motion
@@ -289,7 +286,7 @@ def loop_response(axis: Axis, rad_per_s: ArrayLike) -> LoopResponse:
     InputError if the axis has no servo, or numbers too far apart to be calculated with.
     """
     servo, system = servo_of(axis), plant(small_signal_mechanics(axis))
-    s: Response = np.asarray(1j * np.asarray(rad_per_s, dtype=np.float64))
+    s: Complex = np.asarray(1j * np.asarray(rad_per_s, dtype=np.float64))
     position_row, speed_row = measurement(axis)
     if servo.sample_s == 0:
         states = _solved(s, system.A, servo.actuator_gain * system.B[:, :1])[0]
@@ -298,7 +295,7 @@ def loop_response(axis: Axis, rad_per_s: ArrayLike) -> LoopResponse:
     waiting, rest_s = waiting_commands(servo)
     decay, older, newer = held_forces(small_signal_mechanics(axis), step_s, rest_s)
     # rates per sample, so that slow motions are not lost beside the 1 of z = 1 + …
-    rate: Response = np.asarray(np.expm1(s * step_s) / step_s)
+    rate: Complex = np.asarray(np.expm1(s * step_s) / step_s)
     forces = servo.actuator_gain * np.stack([older, newer], axis=1) / step_s
     by_older, by_newer = _solved(rate, (decay - np.eye(len(decay))) / step_s, forces)
     states = by_newer + by_older * np.exp(-s * step_s)[..., None]
@@ -310,7 +307,7 @@ def loop_response(axis: Axis, rad_per_s: ArrayLike) -> LoopResponse:
     return LoopResponse(s, 1.0 / rate, speed, states @ position_row, states @ system.C[2])
 
 
-def _solved(s: Response, matrix: NDArray[np.float64], forces: NDArray[np.float64]) -> list[Response]:
+def _solved(s: Complex, matrix: Array, forces: Array) -> list[Complex]:
     """(s − A)⁻¹·b of every column b, shape of `s` and the states."""
     unit = np.eye(len(matrix))
     try:
@@ -329,7 +326,7 @@ def nyquist_rad_per_s(axis: Axis) -> float:
 _ROUNDING = 1e-9  #: Share of the fastest pole below which the sign of the slowest is rounding.
 
 
-def loop_poles(axis: Axis) -> NDArray[np.complex128]:
+def loop_poles(axis: Axis) -> Complex:
     """Poles of the closed loop [1/s], the slowest or growing ones first; of a sampled servo ln(z)/sample time.
 
     InputError if the axis has no servo, or numbers too far apart to be calculated with.
@@ -339,7 +336,7 @@ def loop_poles(axis: Axis) -> NDArray[np.complex128]:
         if servo.sample_s > 0:
             z = sampled_closed_loop(axis).poles
             # what decays within one sample has no logarithm and is of no interest here
-            poles: NDArray[np.complex128] = np.asarray(np.log(np.where(np.abs(z) > 1e-12, z, 1e-12)) / servo.sample_s)
+            poles: Complex = np.asarray(np.log(np.where(np.abs(z) > 1e-12, z, 1e-12)) / servo.sample_s)
         else:
             poles = closed_loop(axis).poles
     except (np.linalg.LinAlgError, ValueError):
@@ -348,7 +345,7 @@ def loop_poles(axis: Axis) -> NDArray[np.complex128]:
     return np.asarray(poles[np.argsort(-poles.real, kind="stable")])
 
 
-def growing_poles(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def growing_poles(poles: Complex) -> Complex:
     """Those of the poles of a loop that do not decay.
 
     Poles at 0 up to rounding decay: the constant term of the characteristic polynomial is a product of gains and never

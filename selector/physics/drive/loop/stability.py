@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.physics.drive.finding_table import FINDINGS
 from selector.physics.drive.loop.closed_loop import (
-    Response,
     growing_poles,
     loop_poles,
     loop_response,
@@ -23,7 +22,7 @@ from selector.physics.drive.loop.closed_loop import (
 )
 from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.trajectory import COURSES, ParameterCourse
-from selector.types import Vector
+from selector.types import Array, Complex, Mask, Vector
 
 GAINS = ("position_gain_per_s", "velocity_gain", "velocity_integral_gain")
 
@@ -47,7 +46,7 @@ class Crossing:
     grow: int
 
 
-def gain_crossings(axis: Axis, gain: str, poles: NDArray[np.complex128]) -> tuple[Crossing, ...]:
+def gain_crossings(axis: Axis, gain: str, poles: Complex) -> tuple[Crossing, ...]:
     """Where poles reach the edge of stability as one of `GAINS` changes, the others as they are; by factor.
 
     `poles` of the closed loop [1/s] tell where to look; the gain must be above 0.
@@ -105,7 +104,7 @@ def _distance(ends: tuple[float | None, float | None]) -> float:
     return max(float(np.log(low)) if low else 0.0, -float(np.log(high)) if high else 0.0, 0.0)
 
 
-def _loop_of_gain(axis: Axis, gain: str, rad_per_s: Vector) -> tuple[Response, Response]:
+def _loop_of_gain(axis: Axis, gain: str, rad_per_s: Vector) -> tuple[Complex, Complex]:
     """Numerator and denominator of L, which 1 + k·L = 0 is about."""
     servo, found = servo_of(axis), loop_response(axis, rad_per_s)
     integral = servo.velocity_integral_gain * found.integral
@@ -118,14 +117,14 @@ def _loop_of_gain(axis: Axis, gain: str, rad_per_s: Vector) -> tuple[Response, R
     return integral * (found.motor_speed + position), 1.0 + servo.velocity_gain * (found.motor_speed + position)
 
 
-def _sine(numerator: Response, denominator: Response) -> Vector:
+def _sine(numerator: Complex, denominator: Complex) -> Vector:
     """Sine of the angle of L; free of the poles and zeros that L may have on the edge itself."""
     with np.errstate(all="ignore"):
         turned = numerator / np.abs(numerator) * np.conj(denominator / np.abs(denominator))
     return np.nan_to_num(turned.imag)
 
 
-def _frequencies(axis: Axis, poles: NDArray[np.complex128]) -> Vector:
+def _frequencies(axis: Axis, poles: Complex) -> Vector:
     """Frequencies between which no phase turns unseen: decades, turns of the delay, and both sides of resonances."""
     servo, edge = servo_of(axis), nyquist_rad_per_s(axis)
     own = plant(small_signal_mechanics(axis)).poles
@@ -160,7 +159,7 @@ class LoopFigures:
     phase_margin_deg: float
 
 
-def frequency_response(axis: Axis, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+def frequency_response(axis: Axis, frequency_hz: ArrayLike) -> Complex:
     """Table position over reference at frequencies [Hz], complex, shape of `frequency_hz`.
 
     With a sampled servo of the table at the samples, which means something up to half the sample rate. With
@@ -191,7 +190,7 @@ def loop_figures(axis: Axis) -> LoopFigures:
     return LoopFigures(bandwidth_hz, peak, peak_hz, _gain_margin_db(axis, poles), phase_deg)
 
 
-def _near_crossover(response: Response) -> NDArray[np.bool_]:
+def _near_crossover(response: Complex) -> Mask:
     """Which frequencies stand near one where the amplitude passes 1; the first ones if none does.
 
     A phase margin needs no others, and python-control evaluates its spline singly at each that it is given.
@@ -227,13 +226,13 @@ def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:
     return replace(axis, mechanics=replace(axis.mechanics, **values), compliance=compliance)
 
 
-def _gain_margin_db(axis: Axis, poles: NDArray[np.complex128]) -> float:
+def _gain_margin_db(axis: Axis, poles: Complex) -> float:
     """Nearest factor on the position gain with which the loop is at the edge [dB]."""
     factors = [one.factor for one in gain_crossings(axis, "position_gain_per_s", poles)]
     return 20.0 * math.log10(min(factors, key=lambda factor: abs(math.log(factor)), default=math.inf))
 
 
-def _resonance(axis: Axis, frequency_hz: NDArray[np.float64]) -> tuple[float, float, float]:
+def _resonance(axis: Axis, frequency_hz: Array) -> tuple[float, float, float]:
     """Largest amplitude, where, and the first frequency 3 dB below the amplitude at rest."""
     amplitude = np.abs(frequency_response(axis, frequency_hz))
     highest = int(np.argmax(amplitude))
@@ -248,7 +247,7 @@ def _resonance(axis: Axis, frequency_hz: NDArray[np.float64]) -> tuple[float, fl
     return float(amplitude[highest]), float(frequency_hz[highest]), bandwidth_hz
 
 
-def _frequencies_hz(axis: Axis, poles: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _frequencies_hz(axis: Axis, poles: Complex) -> Array:
     """Frequencies that miss nothing: 4000 over all that the poles ask for, and those of the poles."""
     size = np.abs(poles)
     highest_hz = min(20.0 * float(size.max()), nyquist_rad_per_s(axis)) / (2.0 * math.pi)
@@ -269,7 +268,7 @@ class Stability:
     """Poles of a closed loop, and how far its gains may go."""
 
     #: Poles [1/s], the slowest or growing ones first; of a sampled servo ln(z)/sample time
-    poles: NDArray[np.complex128]
+    poles: Complex
     stable: bool  #: Whether every pole decays
     margin_per_s: float  #: Rate at which the slowest decays; negative: at which the fastest grows [1/s]
     #: Gain → factor from which on the loop is unstable, the other gains as they are; None: never

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from selector.errors import InputError
@@ -13,7 +13,7 @@ from selector.findings import Finding
 from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.gauge.transducer import LinearGauge, Transducer
 from selector.physics.gauging.gauge.vibrating_contact import IRREGULAR_ROUNDS, SteadySwing, steady_swing
-from selector.types import Vector
+from selector.types import Mask, Vector
 
 POINTS = 60
 _FALLS = 1e-6  #: A voltage that falls by less than this share of the largest one stands still.
@@ -159,7 +159,7 @@ def linear_gauge(characteristic: Characteristic, at_um: float, time_constant_s: 
 def linear_range_um(characteristic: Characteristic, gauge: LinearGauge, tolerance_um: float) -> tuple[float, float]:
     """Allowances around that of the line between which it is wrong by at most a tolerance of size [µm]."""
 
-    def wrong(at_um: Vector) -> NDArray[np.bool_]:
+    def wrong(at_um: Vector) -> Mask:
         line = gauge.bias_v + gauge.gain_v_per_um * at_um
         return np.abs(characteristic.voltage_at(at_um) - line) > tolerance_um * abs(gauge.gain_v_per_um)
 
@@ -168,7 +168,7 @@ def linear_range_um(characteristic: Characteristic, gauge: LinearGauge, toleranc
     return low, high
 
 
-def _edge(wrong: Callable[[Vector], NDArray[np.bool_]], right_um: float, end_um: float) -> float:
+def _edge(wrong: Callable[[Vector], Mask], right_um: float, end_um: float) -> float:
     """The allowance nearest to a right one, on the way to the end of the points, behind which something is wrong."""
     way = np.linspace(right_um, end_um, 2001)
     first = int(np.argmax(np.concatenate([wrong(way), [True]])))

@@ -37,7 +37,7 @@ from selector.physics.gauging.grinding._part_kernel import (
     grind,
 )
 from selector.physics.gauging.process import Correction, Grinding, Noise, Surface
-from selector.types import Vector
+from selector.types import Array, Mask, Vector
 
 _CREST_ROUNDS = 3  #: Peaks change with the allowance by less than a hundredth of what the voltage does.
 
@@ -304,9 +304,9 @@ class FinishedSizes:
     #: threshold was never reached, where it was given up
     size_um: Vector
     duration_s: Vector  #: (n_parts,): Until the feed stands [s]
-    stage_end_s: NDArray[np.float64]  #: (n_parts, n_stages): When each feed ended [s]; 0 where it did not
-    tripped: NDArray[np.bool_]  #: (n_parts,): False where a threshold was never reached
-    at_once: NDArray[np.bool_]  #: (n_parts,): True where a threshold was already passed when its stage began
+    stage_end_s: Array  #: (n_parts, n_stages): When each feed ended [s]; 0 where it did not
+    tripped: Mask  #: (n_parts,): False where a threshold was never reached
+    at_once: Mask  #: (n_parts,): True where a threshold was already passed when its stage began
     offset_um: Vector  #: (n_parts,): Size by which thresholds were moved, by what earlier parts were off [µm]
 
     def __post_init__(self) -> None:

@@ -5,11 +5,10 @@ from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.physics.thermal.field.mesh import VOID, Block, SolidMesh
-from selector.types import Indices, Vector
+from selector.types import Indices, Mask, Vector
 
 _IRON, _STEEL = "cast iron", "steel"
 
@@ -271,7 +270,7 @@ def surfaces(body: SolidMesh, geometry: MachineGeometry) -> dict[str, Indices]:
     head = ((-half_head, half_head), (g.headstock_back_m + 0.06, g.headstock_front_m), (-np.inf, g.headstock_top_m))
     # the shaft between its bearings turns in the headstock's chamber
     nose_z = g.headstock_bottom_m
-    rules: dict[str, tuple[tuple[str, ...], Callable[[Vector], NDArray[np.bool_]] | None]] = {
+    rules: dict[str, tuple[tuple[str, ...], Callable[[Vector], Mask] | None]] = {
         "bed": (("bed",), lambda c: ~_within(c, bed) & ~_at_top(c, g)),
         "bed inside": (("bed",), lambda c: _within(c, bed) & ~_at_top(c, g)),
         "bed top": (("bed",), lambda c: _at_top(c, g)),
@@ -324,12 +323,12 @@ def feet(body: SolidMesh, geometry: MachineGeometry) -> dict[str, Indices]:
     return {f"{row} {name}": foot(side, y) for row, y in rows.items() for name, side in (("left", -1), ("right", 1))}
 
 
-def _at_top(centres_m: Vector, g: MachineGeometry) -> NDArray[np.bool_]:
+def _at_top(centres_m: Vector, g: MachineGeometry) -> Mask:
     """The bed's upper face in front of the column, where coolant and chips fall."""
     return (centres_m[:, 2] >= g.bed_top_m - 1e-9) & (centres_m[:, 1] > g.column_front_m)
 
 
-def _within(centres_m: Vector, box: tuple[tuple[float, float], ...]) -> NDArray[np.bool_]:
+def _within(centres_m: Vector, box: tuple[tuple[float, float], ...]) -> Mask:
     """Whether facets lie inside the outer shape of a part, and not on it: in its chambers."""
     inside = np.ones(len(centres_m), dtype=np.bool_)
     for axis, (low, high) in enumerate(box):

@@ -7,12 +7,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import nnls
 
 from selector.errors import InputError, OptionError
-from selector.types import Indices, Vector
+from selector.types import Indices, Mask, Vector
 
 Point = tuple[float, float, float]
 
@@ -95,7 +94,7 @@ class SolidMesh:
         kinds = [i for i, part in enumerate(self.parts) if part in parts]
         return np.flatnonzero(np.isin(self.kind, kinds))
 
-    def surface_of(self, parts: Iterable[str], where: Callable[[Vector], NDArray[np.bool_]] | None = None) -> Indices:
+    def surface_of(self, parts: Iterable[str], where: Callable[[Vector], Mask] | None = None) -> Indices:
         """Boundary facets (numbers in `mesh`) of these parts; `where` picks by the facets' centres (n, 3) [m]."""
         facets = np.asarray(self.mesh.boundary_facets())
         owner = np.asarray(self.mesh.f2t)[0, facets]

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from selector.physics.thermal.field.mesh import SolidMesh
 from selector.physics.thermal.network.heat_system import Solve, solver_of
-from selector.types import Indices, Vector
+from selector.types import Array, Indices, Vector
 
 MULTIGRID_TOLERANCE = 1e-10  #: Residual over right-hand side at which conjugate gradients stop.
 
@@ -80,7 +80,7 @@ class Material:
     poisson: float
     slides: str = ""  #: {"", "x", "y", "z"}: Axis along which the layer transmits (almost) no force; empty for a solid
 
-    def stiffness_pa(self) -> NDArray[np.float64]:
+    def stiffness_pa(self) -> Array:
         """Stiffness of shape (6, 6) [Pa]; strains in the order xx, yy, zz, yz, zx, xy (shear as angles)."""
         shear = 2 * (1 + self.poisson)
         compliance = np.diag([1.0, 1.0, 1.0, shear, shear, shear])

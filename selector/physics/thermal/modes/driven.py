@@ -18,9 +18,8 @@ from scipy.optimize import Bounds, minimize
 from selector.physics.thermal.modes.fit import USUAL_EXPONENT, Law, ModeSpec, columns, expectations, film_starts, limits
 from selector.physics.thermal.modes.thermal_test import ModeData
 from selector.recording import restarts
-from selector.types import Vector
+from selector.types import Mask, Vector
 
-Rows = NDArray[np.bool_]
 MOST_MODES, MOST_WITH_FILM = 6, 4
 #: A mixture of two sources; what runs at any speed (pumps, axes), dry and viscous friction.
 LAWS: tuple[Law, ...] = ("powers", "turning-squares")
@@ -71,7 +70,7 @@ def design(spec: ModeSpec, data: ModeData, theta: Vector) -> tuple[Vector, NDArr
     return np.hstack(parts), kinds
 
 
-def _noise_um2(data: ModeData, there: Rows) -> list[Vector]:
+def _noise_um2(data: ModeData, there: Mask) -> list[Vector]:
     """Variance of the mean reading of every block, response by response; infinite where none may be seen."""
     return [
         np.where(there & (count > 0), noise_um**2 / np.maximum(count, 1.0), np.inf)
@@ -132,7 +131,7 @@ def fitted(
     data: ModeData,
     theta: Vector,
     *,
-    there: Rows | None = None,
+    there: Mask | None = None,
     spreads: Vector | None = None,
     rounds: int = 3,
 ) -> DrivenFit:
@@ -339,13 +338,7 @@ def expected_um(fit: DrivenFit, moved: Vector, time_s: Vector) -> Vector:
 
 
 def _whitened_loop(
-    values: Vector,
-    time_s: Vector,
-    variance: Vector,
-    walk: float,
-    ripple: float,
-    ripple_s: float,
-    first: NDArray[np.bool_],
+    values: Vector, time_s: Vector, variance: Vector, walk: float, ripple: float, ripple_s: float, first: Mask
 ) -> tuple[Vector, float]:
     """Values (n, n_columns) less what the rows before predict, per standard deviation, and the sum of its logarithms.
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from selector.physics.thermal.modes.choice import hall_drives
@@ -24,7 +23,7 @@ from selector.physics.thermal.modes.driven import (
 from selector.physics.thermal.modes.heldout import AT_MOST, few_factor
 from selector.physics.thermal.modes.modes import SpeedLaw, require_tested
 from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data, since_first
-from selector.types import Vector
+from selector.types import Mask, Vector
 
 Entry = tuple[Vector, Vector]  #: The states (n_modes, n_inputs), and what is left of a start (n_modes,).
 LEAST_HALL_K = 0.1  #: A hall that moves by less drives nothing that could be seen.
@@ -180,7 +179,7 @@ class DrivenModel:
         return len(self.parts) == len(self.tests)
 
     @property
-    def begins_warm(self) -> NDArray[np.bool_]:
+    def begins_warm(self) -> Mask:
         """(n_tests,): Runs that did not begin cold: what their start moves is no chance, and no trifle."""
         phi, kinds = design(self.fit.spec, self.data, self.fit.theta)
         found = []

@@ -7,12 +7,11 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.modes.thermal_test import ModeData
-from selector.types import Vector
+from selector.types import Mask, Vector
 
 Law = Literal["levels", "power", "powers", "turning", "turning-powers", "turning-squares", "mode-powers"]
 Film = Literal["none", "growing"]
@@ -434,7 +433,7 @@ def _filtered_loop(
     film: Vector,
     drive: Vector,
     inputs: Vector,
-    first: NDArray[np.bool_],
+    first: Mask,
     same_rpm: float,
 ) -> tuple[Vector, Vector]:
     """Modes x_j' = −(diag(rate) + share·film)·x_j + drive_j·input_j, from rest, at the mean time of every block.

@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from selector.physics.thermal.modes.fit import STEP, Fit, columns, expectations, limits, searched, slopes, solved
 from selector.physics.thermal.modes.thermal_test import ModeData
-from selector.types import Vector
+from selector.types import Mask, Vector
 
-Rows = NDArray[np.bool_]
 FIRMEST = 1e-4  #: What is left of a direction in which only the part left out had a say; smaller is as good as unknown.
 
 
@@ -74,7 +72,7 @@ def expected_rows(fit: Fit, width: int) -> Vector:
     return np.vstack([usual, shrunk])
 
 
-def held_out_um(fit: Fit, data: ModeData, folds: Sequence[Rows], *, own_zeros: bool) -> Vector:
+def held_out_um(fit: Fit, data: ModeData, folds: Sequence[Mask], *, own_zeros: bool) -> Vector:
     """Root mean square error [µm] of every fold and response, shape (n_folds, n_responses)."""
     out = np.full((len(folds), fit.weights.shape[1]), np.nan)
     for number, errors in enumerate(held_out_blocks(fit, data, folds, own_zeros=own_zeros)):
@@ -86,7 +84,7 @@ def held_out_um(fit: Fit, data: ModeData, folds: Sequence[Rows], *, own_zeros: b
     return out
 
 
-def held_out_blocks(fit: Fit, data: ModeData, folds: Sequence[Rows], *, own_zeros: bool) -> list[Vector]:
+def held_out_blocks(fit: Fit, data: ModeData, folds: Sequence[Mask], *, own_zeros: bool) -> list[Vector]:
     """Error [µm] of every block that is left out, a fold each (n_blocks, n_responses); NaN where nothing is.
 
     For a linear fit with orthonormal columns Q, the error on the rows f when they are left out is
@@ -112,7 +110,7 @@ def held_out_blocks(fit: Fit, data: ModeData, folds: Sequence[Rows], *, own_zero
     return found
 
 
-def time_folds(data: ModeData, n_folds: int = 5, n_pieces: int = 4) -> list[Rows]:
+def time_folds(data: ModeData, n_folds: int = 5, n_pieces: int = 4) -> list[Mask]:
     """Every run is cut into n_folds·n_pieces stretches of equally many blocks; fold f has each n_folds-th of them."""
     folds = [np.zeros(len(data.before_s), dtype=np.bool_) for _ in range(n_folds)]
     for begin, end in data.bounds:
@@ -122,7 +120,7 @@ def time_folds(data: ModeData, n_folds: int = 5, n_pieces: int = 4) -> list[Rows
     return folds
 
 
-def run_folds(data: ModeData, runs: Sequence[Sequence[int]]) -> list[Rows]:
+def run_folds(data: ModeData, runs: Sequence[Sequence[int]]) -> list[Mask]:
     """One fold for every group of runs."""
     folds = []
     for group in runs:
@@ -227,7 +225,7 @@ class SpeedFold:
     """Runs that are left out together: those that mainly ran at this level."""
 
     level_rpm: float  #: The level [r/min]
-    fold: Rows  #: (n_blocks,): Blocks of these runs
+    fold: Mask  #: (n_blocks,): Blocks of these runs
 
 
 def runs_by_level(data: ModeData) -> dict[int, list[int]]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from selector.errors import InputError, OptionError
 from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.recording import Recording
-from selector.types import Vector
+from selector.types import Array, Mask, Vector
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class ThermalTest:
     time_s: Vector  #: (n_samples,): Time [s] from the start of the run, increasing
     #: (n_samples,): Spindle speed [r/min], held from each sample to the next; no sign, nothing missing
     speed_rpm: Vector
-    displacement_um: NDArray[np.float64]  #: (n_samples, n_responses): Displacements [µm]; NaN where missing
+    displacement_um: Array  #: (n_samples, n_responses): Displacements [µm]; NaN where missing
     #: (n_samples, n_halls) or (n_samples,): Temperatures around the machine [°C], if they were recorded
     ambient_degc: Vector | None = None
     ambients: tuple[str, ...] = ()  #: (n_halls,): Their names
@@ -116,7 +116,7 @@ class ModeData:
         return self.levels_rpm[-1]
 
     @cached_property
-    def first(self) -> NDArray[np.bool_]:
+    def first(self) -> Mask:
         """(n_blocks,): Blocks with which a run begins."""
         first = np.zeros(len(self.speed_rpm), dtype=np.bool_)
         first[[begin for begin, _ in self.bounds]] = True

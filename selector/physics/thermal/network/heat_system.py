@@ -5,14 +5,13 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg, sparse
 
 from selector.errors import InputError
 from selector.types import Array, Matrix, Vector
 
 #: Dense for small systems (networks, reduced models), sparse for finite elements.
-SystemMatrix = NDArray[np.float64] | sparse.csr_array
+SystemMatrix = Array | sparse.csr_array
 
 
 @dataclass(frozen=True)

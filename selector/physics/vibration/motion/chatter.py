@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.physics.vibration.motion.periodic_error import Cutting
 from selector.physics.vibration.structure.structure import Structure, StructureModes, receptances, unit_force
-from selector.types import Complex, Vector
+from selector.types import Complex, Mask, Vector
 
 #: Frequencies about every mode, evenly over so many of its half widths, beside as many over all modes.
 _NEAR, _HALF_WIDTHS, _WIDE = 120, 6.0, 600
@@ -31,7 +30,7 @@ class StabilityLimit:
 
     frequency_hz: Vector  #: (n_frequencies,): Those at which the compliance has a negative real part, ascending [Hz]
     #: (n_frequencies,): Whether the next frequency belongs to the same stretch of negative real parts
-    joined: NDArray[np.bool_]
+    joined: Mask
     compliance: Callable[[Vector], Complex]  #: Frequencies [Hz] → G of the tool against the workpiece [m/N]
     cutting: Cutting
 

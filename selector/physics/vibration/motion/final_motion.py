@@ -12,7 +12,7 @@ from selector.physics.vibration.chains import Chain, chain_receptance, force_sig
 from selector.physics.vibration.rounding import SAME, above
 from selector.physics.vibration.structure.source import Excitation, Source
 from selector.physics.vibration.structure.structure import Structure, known_place, receptances, unit_force
-from selector.types import ComplexMatrix, Vector
+from selector.types import Complex, ComplexMatrix, Mask, Vector
 
 TOLERANCE = 1e-6  #: Largest difference between curve and response, as a share of the largest response in the range.
 _MOST_POINTS = 50_000
@@ -142,7 +142,7 @@ class FinalReceptance:
     motion_m_per_n: ComplexMatrix
     moment_kg_m_per_n: ComplexMatrix
     #: (n_finals, n_freq): Whether the method has a way from the source to the final; 0 stands where it has none
-    carried: NDArray[np.bool_]
+    carried: Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +158,9 @@ class FinalMotions:
     moment_kg_m: ComplexMatrix
     sources: tuple[str, ...]  #: Names of all sources
     #: (n_finals, n_lines): Whether the method has a way from the source to the final; where it has none, X is 0
-    carried: NDArray[np.bool_]
+    carried: Mask
 
-    def of(self, final: str, against: str | None = None) -> NDArray[np.complex128]:
+    def of(self, final: str, against: str | None = None) -> Complex:
         """X of one final, or of one against another, shape (n_lines,) [m]; ValueError for an unknown name."""
         motion = self.motion_m[self.finals.index(final)]
         return motion if against is None else motion - self.motion_m[self.finals.index(against)]

@@ -17,7 +17,7 @@ from selector.errors import InputError
 from selector.physics.checks import ABOVE_0, FINITE, Checked
 from selector.physics.vibration.motion.final_motion import FinalMotions
 from selector.physics.vibration.rounding import SAME, above, below
-from selector.types import ComplexMatrix, Vector
+from selector.types import Array, Complex, ComplexMatrix, Vector
 
 MOST_VALUES = 2_000_000_000  #: Realisations that differ × sections: some fifteen seconds.
 MOST_REALISATIONS = 1 << 22
@@ -120,7 +120,7 @@ def section_times(sections: int, duration_s: float) -> Vector:
     return np.sort(np.mod((np.arange(sections) + 0.5) * _GOLDEN, 1.0)) * duration_s
 
 
-def _shifted(z: ComplexMatrix, step: NDArray[np.complex128], *, fixed: bool) -> ComplexMatrix:
+def _shifted(z: ComplexMatrix, step: Complex, *, fixed: bool) -> ComplexMatrix:
     """Sums of these sources with all shifts, (n_sections, n_combinations); `fixed`: the first is not shifted."""
     sections = z.shape[1]
     total = z[0][:, None] if fixed else np.zeros((sections, 1), dtype=np.complex128)
@@ -129,7 +129,7 @@ def _shifted(z: ComplexMatrix, step: NDArray[np.complex128], *, fixed: bool) -> 
     return total
 
 
-def _mean_ordinate(total: ComplexMatrix, step: NDArray[np.complex128]) -> Vector:
+def _mean_ordinate(total: ComplexMatrix, step: Complex) -> Vector:
     """Mean of |Im(Z·e^{iφ})| over realisations and the common shifts φ; opposite shifts have the same amount."""
     phases = len(step)
     used = step[: phases // 2] if phases % 2 == 0 else step
@@ -365,7 +365,7 @@ def _log_force_per_depth(cutting: Cutting) -> float:
     )
 
 
-def _same_frequency(frequency_hz: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+def _same_frequency(frequency_hz: Array) -> list[NDArray[np.int64]]:
     """Rows by frequency, together where they differ by rounding alone."""
     order = np.argsort(frequency_hz, kind="stable")
     ordered = frequency_hz[order]
@@ -373,7 +373,7 @@ def _same_frequency(frequency_hz: NDArray[np.float64]) -> list[NDArray[np.int64]
     return [rows for rows in np.split(order, cuts) if len(rows)]
 
 
-def _expected(amplitude_m: NDArray[np.complex128], owner: NDArray[np.int64], phases: int) -> tuple[float, int]:
+def _expected(amplitude_m: Complex, owner: NDArray[np.int64], phases: int) -> tuple[float, int]:
     """Expectation of the amplitude of lines at one frequency over the phases of their sources, and of how many."""
     names, source = np.unique(owner, return_inverse=True)
     if len(names) == 1:

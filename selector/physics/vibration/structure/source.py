@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector.errors import Misfit
 from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays
-from selector.types import Indices, Vector
+from selector.types import Complex, Indices, Vector
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,6 @@ class Source(Checked):
             yield f"{self.member!r} pushing against itself", expected, "against", advice
 
 
-ComplexVector = NDArray[np.complex128]
-
-
 @dataclass(frozen=True, eq=False)
 class Excitation:
     """The lines of all sources, one row a line; lines of different sources at one frequency stay apart.
@@ -66,7 +63,7 @@ class Excitation:
 
     sources: tuple[str, ...]  #: Names of all sources, also of those without a row
     frequency_hz: Vector  #: (n_lines,): Above 0 [Hz]
-    force_n: ComplexVector  #: (n_lines,): F, what the source does to its member [N]
+    force_n: Complex  #: (n_lines,): F, what the source does to its member [N]
     #: source and line: (n_lines,): Position of the source, and of the line among the lines of its source
     source: Indices
     line: Indices
@@ -115,7 +112,7 @@ def excitation(sources: Sequence[Source], shaft_rpm: Mapping[str, float]) -> Exc
     )
 
 
-def line_force_n(line: Line, frequency_hz: Vector) -> ComplexVector:
+def line_force_n(line: Line, frequency_hz: Vector) -> Complex:
     """F = (force + unbalance·ω²)·e^{i·phase} [N] of one line at frequencies of shape (n,)."""
     amplitude = line.force_n + line.unbalance_kg_m * (2.0 * np.pi * frequency_hz) ** 2
     return np.asarray(amplitude * np.exp(1j * line.phase_rad))

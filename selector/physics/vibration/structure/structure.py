@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
 from selector.errors import InputError, Misfit
 from selector.physics.checks import ABOVE_0, FROM_0, Checked
 from selector.physics.vibration.structure.source import Source
-from selector.types import Complex, Matrix, Vector
+from selector.types import Array, Complex, Matrix, Vector
 
 GROUND = "ground"  #: What does not move: the foundation.
 
@@ -243,8 +243,8 @@ COMPLETE = 1e-10  #: How exactly the shapes of all modes must give back every mo
 class StructureModes:
     """Modes of a structure, lowest frequency first."""
 
-    frequency_hz: NDArray[np.float64]  #: (n,): Damped eigenfrequencies Re √λ / 2π [Hz]
-    loss_factor: NDArray[np.float64]  #: (n,): η = Im λ / Re λ; ψ of the mode is 2π·η
+    frequency_hz: Array  #: (n,): Damped eigenfrequencies Re √λ / 2π [Hz]
+    loss_factor: Array  #: (n,): η = Im λ / Re λ; ψ of the mode is 2π·η
     #: (n_members, n): One mode a column, φᵀ·M·φ = 1 (no conjugation), the largest motion with a positive real part
     #: [kg^−½]. If not `complete`: modes for which that is impossible have φᴴ·M·φ = 1.
     shapes: Complex
@@ -337,7 +337,7 @@ def carrying_mode(
 
 def relative_parts(
     structure: Structure, modes: StructureModes, source: Source, frequency_hz: float, *, tool: str, workpiece: str
-) -> NDArray[np.complex128]:
+) -> Complex:
     """Part of every mode in (X_tool − X_workpiece)/F of one source [m/N], shape (n_modes,); their sum is all of it."""
     force = unit_force(structure, source.member, source.against)
     relative = modes.shapes[structure.position(tool)] - modes.shapes[structure.position(workpiece)]

@@ -10,12 +10,12 @@ import dash
 import numpy as np
 from dash import Input, dcc, html
 from dash.development.base_component import Component
-from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from selector.errors import OptionError
 from selector.physics.thermal.field import machine_outline
 from selector.recording import SENSOR_ROLES, Channel
+from selector.types import Array
 from selector.workbench import parts
 from selector.workbench.bench import Bench
 from selector.workbench.study_folder import PICTURES, files_in
@@ -38,8 +38,8 @@ class Pins:
     """
 
     names: tuple[str, ...]
-    points_m: NDArray[np.float64]
-    outline_m: Sequence[NDArray[np.float64]]
+    points_m: Array
+    outline_m: Sequence[Array]
 
 
 class Dragged(BaseModel):
@@ -131,7 +131,7 @@ def _address(path: Path, _: float) -> str | None:
 _c_frame = functools.cache(machine_outline)
 
 
-def _fitted(places_m: NDArray[np.float64]) -> Sequence[NDArray[np.float64]]:
+def _fitted(places_m: Array) -> Sequence[Array]:
     """The edges of a C-frame machine; stretched where the sensors do not fit on it."""
     lines = _c_frame()
     body = np.vstack(lines)
