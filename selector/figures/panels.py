@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from selector.figures import style
-from selector.types import Vector
+from selector.types import Indices, Vector
 
 POINTS = 900  #: Points of a line, about one a pixel.
 
@@ -103,7 +102,7 @@ def stacked(
     return drawn
 
 
-def shown_samples(time_s: Vector, values: Vector, steps: bool = False, points: int = POINTS) -> NDArray[np.int64]:
+def shown_samples(time_s: Vector, values: Vector, steps: bool = False, points: int = POINTS) -> Indices:
     """Positions of the samples that draw a course: of each stretch the ends, the lowest and the highest; all steps."""
     n = len(values)
     if n <= points:

@@ -7,13 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from selector.adaptation.judged import JudgedRun
 from selector.figures import style
 from selector.figures.panels import Line, Panel, shown_samples, stacked
 from selector.number_text import number_text
-from selector.types import Array, Vector
+from selector.types import Array, Indices, Vector
 
 _ROW_PX = 290
 _HEAD_PX = 42  #: For the two lines above a panel, on paper too, where a row is lower.
@@ -94,7 +93,7 @@ def common_ranges(measured_um: Sequence[Vector], predicted_um: Sequence[Vector])
     return [low - rooms[0], high + rooms[0]], [least - rooms[1], most + rooms[1]]
 
 
-def telling_samples(residual: Vector, points: int) -> NDArray[np.int64]:
+def telling_samples(residual: Vector, points: int) -> Indices:
     """Of each of `points` / 2 stretches the first sample and the one with the largest residual: no peak is lost."""
     n = len(residual)
     if n <= points:

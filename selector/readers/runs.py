@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.errors import ReadError
 from selector.findings import Finding, Where
@@ -106,7 +105,7 @@ def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
     )
 
 
-def averaged(values: Array, groups: NDArray[np.int64], n_samples: int) -> Array:
+def averaged(values: Array, groups: Indices, n_samples: int) -> Array:
     """One row per group: the mean of the values that are there; equal values stay bit for bit what they are."""
     if len(values) == n_samples:
         return values
@@ -121,7 +120,7 @@ def averaged(values: Array, groups: NDArray[np.int64], n_samples: int) -> Array:
     return out
 
 
-def _breaks(column: Column, sample_of_row: NDArray[np.int64], time_s: Array, table: Table) -> Iterator[Finding]:
+def _breaks(column: Column, sample_of_row: Indices, time_s: Array, table: Table) -> Iterator[Finding]:
     for broken in column.breaks:
         samples = sample_of_row[broken.rows]
         samples = samples[samples >= 0]

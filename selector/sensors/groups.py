@@ -17,7 +17,7 @@ from selector.errors import InputError, OptionError
 from selector.findings import Finding
 from selector.sensors.finding_table import FINDINGS
 from selector.sensors.similarity import DUPLICATE_TOLERANCE, sensor_names
-from selector.types import Array, Mask, Matrix
+from selector.types import Array, Indices, Mask, Matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class ClosureChain:
     """
 
     #: (n,): Sensors; groups of every λ-cut are contiguous here, so it is also a leaf order of the dendrogram
-    order: NDArray[np.int64]
+    order: Indices
     #: (n − 1,): Closure of order[k] and order[k + 1]; each is bit-equal to an entry of the relation
     levels: Array
 
@@ -358,7 +358,7 @@ def dendrogram(similarity: ArrayLike) -> Dendrogram:
     return Dendrogram(_read_only(tree), _read_only(levels), tuple(order))
 
 
-def _labels_at(order: NDArray[np.int64], levels: Array, level: float) -> tuple[int, ...]:
+def _labels_at(order: Indices, levels: Array, level: float) -> tuple[int, ...]:
     labels = np.empty(len(order), dtype=np.int64)
     labels[order] = np.concatenate(([0], np.cumsum(levels < level)))
     return tuple(labels.tolist())

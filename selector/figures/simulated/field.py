@@ -4,11 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from selector.figures import style
 from selector.number_text import round_below
-from selector.types import Array, Vector
+from selector.types import Array, Indices, Vector
 
 _HEIGHT = 640
 _SHOWN_SHARE = 0.08
@@ -26,7 +25,7 @@ _BESIDE_M = 0.05  #: Distance of a sensor's mark from the surface, so that it is
 
 def machine_field(
     nodes_m: Array,
-    triangles: NDArray[np.int64],
+    triangles: Indices,
     temperature_degc: Array,
     deformation_um: Array,
     title: str,
@@ -98,7 +97,7 @@ def machine_field(
     return drawn
 
 
-def _on_the_surface(points_m: Vector, nodes_m: Vector, corners: NDArray[np.int64]) -> Vector:
+def _on_the_surface(points_m: Vector, nodes_m: Vector, corners: Indices) -> Vector:
     """Beside the nearest triangle that looks outwards; points that are far from the machine stay."""
     ends = nodes_m[corners]
     normals = np.cross(ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 0])

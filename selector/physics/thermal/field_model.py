@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from selector.errors import InputError, ModelFileError, OptionError
@@ -403,7 +402,7 @@ class FieldMoment:
 
     at_s: float  #: When it is, from the start of the run [s]
     nodes_m: Vector  #: (n_nodes, 3): Places of the nodes [m]
-    triangles: NDArray[np.int64]  #: (n_triangles, 3): Nodes of the triangles of the surface
+    triangles: Indices  #: (n_triangles, 3): Nodes of the triangles of the surface
     temperature_degc: Vector  #: (n_nodes,): Temperature [°C]
     deformation_um: Vector  #: (n_nodes, 3): Displacement since the start of the run [µm]
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft, signal
 from scipy.interpolate import CubicSpline
 from scipy.signal import windows
@@ -14,7 +13,7 @@ from scipy.signal import windows
 from selector.physics.vibration.motion.final_motion import ChainMethod, source_curve
 from selector.physics.vibration.structure.source import Source
 from selector.physics.vibration.structure.structure import Structure, structure_modes
-from selector.types import Matrix, Vector
+from selector.types import Indices, Matrix, Vector
 
 STRAY = 0.25  #: Share of a step by which the stamps of an even clock may stray.
 GAP = 3.0  #: Usual steps from one stamp to the next beyond which it is a gap, and no lost row or two.
@@ -82,7 +81,7 @@ def _stretch(time_s: Vector, first: int, usual_s: float) -> Stretch:
     return Stretch(first, end, step_s, since_s / step_s, math.floor(since_s[-1] / step_s + 1e-9) + 2, False, 0.0)
 
 
-def _even_grid(time_s: Vector, step_s: float) -> tuple[float, NDArray[np.int64], float] | None:
+def _even_grid(time_s: Vector, step_s: float) -> tuple[float, Indices, float] | None:
     """Step, places of the stamps and how far one strays at most, of the even clock that fits them; None: there is none.
 
     Places by the usual step lead astray in long runs: the step is then that of the line through places and stamps.

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from selector.errors import OptionError
@@ -184,7 +183,7 @@ class _Free:
         free = ~self.solid[self._cells(flat)] & (flat[:, 2] > 0)
         return np.asarray(free.reshape(ahead.shape[:3]).all(axis=(1, 2)))
 
-    def _cells(self, points_m: Vector) -> tuple[NDArray[np.int64], ...]:
+    def _cells(self, points_m: Vector) -> tuple[Indices, ...]:
         """Numbers along X, Y, Z of the cells that points (n, 3) are in; 0 and the last are outside."""
         return tuple(np.searchsorted(line, values) for line, values in zip(self.lines, points_m.T, strict=True))
 

@@ -12,13 +12,12 @@ from functools import cache, partial
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.optimize import Bounds, minimize
 
 from selector.physics.thermal.modes.fit import USUAL_EXPONENT, Law, ModeSpec, columns, expectations, film_starts, limits
 from selector.physics.thermal.modes.thermal_test import ModeData
 from selector.recording import restarts
-from selector.types import Mask, Vector
+from selector.types import Indices, Mask, Vector
 
 MOST_MODES, MOST_WITH_FILM = 6, 4
 #: A mixture of two sources; what runs at any speed (pumps, axes), dry and viscous friction.
@@ -55,7 +54,7 @@ class DrivenFit:
         return np.exp(self.theta[: self.spec.n_modes])
 
 
-def design(spec: ModeSpec, data: ModeData, theta: Vector) -> tuple[Vector, NDArray[np.int64]]:
+def design(spec: ModeSpec, data: ModeData, theta: Vector) -> tuple[Vector, Indices]:
     """Columns (n_blocks, n_columns), and of which kind each is: 0 speed, 1 hall, 2 start of a run."""
     states, left = columns(spec, data, theta)
     halls = data.ambient_k.shape[1] if spec.with_hall and data.ambient_k is not None else 0
@@ -79,7 +78,7 @@ def _noise_um2(data: ModeData, there: Mask) -> list[Vector]:
 
 
 def _loss(
-    values: Vector, kinds: NDArray[np.int64], spreads: Vector, data: ModeData, noise_um2: Vector
+    values: Vector, kinds: Indices, spreads: Vector, data: ModeData, noise_um2: Vector
 ) -> tuple[float, Vector, Vector]:
     """`_evidence` of a response; `values` (n_blocks, n_columns + 1) with the response last, `noise_um2` as above."""
     size, square = np.exp(spreads), np.exp(2.0 * spreads)
@@ -100,9 +99,7 @@ def _expectations(spec: ModeSpec, theta: Vector) -> Vector:
     return np.concatenate([expectations(spec, theta), 30.0 * np.minimum(gap, 0.0)])
 
 
-def _spreads(
-    values: Vector, kinds: NDArray[np.int64], data: ModeData, r: int, noise_um2: Vector, start: Vector
-) -> Vector:
+def _spreads(values: Vector, kinds: Indices, data: ModeData, r: int, noise_um2: Vector, start: Vector) -> Vector:
     """The spreads of one response that make its readings most likely; each is expected within factors of e² or so."""
     span = max(float(np.ptp(data.displacement_um[np.isfinite(noise_um2), r])), 1e-6)
     usual = np.log([span, 0.3 * span, 0.3 * span, 0.003 * span / 60.0, 0.01 * span, 0.03 * span, 1200.0])
@@ -141,7 +138,7 @@ def fitted(
     known = np.full((len(responses), 7), np.nan) if spreads is None else spreads.copy()
     low, high = _limits(spec, data)
 
-    def filled(at: Vector) -> tuple[list[Vector], NDArray[np.int64]]:
+    def filled(at: Vector) -> tuple[list[Vector], Indices]:
         phi, kinds = design(spec, data, at)
         return [np.column_stack([phi, data.displacement_um[:, r]]) for r in responses], kinds
 

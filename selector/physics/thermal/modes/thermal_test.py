@@ -6,12 +6,11 @@ from functools import cached_property
 from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import InputError, OptionError
 from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.recording import Recording
-from selector.types import Array, Mask, Vector
+from selector.types import Array, Indices, Mask, Vector
 
 
 @dataclass(frozen=True)
@@ -274,7 +273,7 @@ class Stretch:
     run: int  #: Position of the run
     speed_rpm: float  #: Speed [r/min], 0 for cooling
     time_s: Vector  #: (n_blocks,): Mean times of the blocks from the beginning of the stretch [s]
-    blocks: NDArray[np.int64]  #: (n_blocks,): Positions in the `ModeData`
+    blocks: Indices  #: (n_blocks,): Positions in the `ModeData`
     duration_s: float  #: Length [s]
 
 

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from selector.errors import InputError
@@ -12,7 +11,7 @@ from selector.physics.vibration.chains import Chain, chain_receptance, force_sig
 from selector.physics.vibration.rounding import SAME, above
 from selector.physics.vibration.structure.source import Excitation, Source
 from selector.physics.vibration.structure.structure import Structure, known_place, receptances, unit_force
-from selector.types import Complex, ComplexMatrix, Mask, Vector
+from selector.types import Complex, ComplexMatrix, Indices, Mask, Vector
 
 TOLERANCE = 1e-6  #: Largest difference between curve and response, as a share of the largest response in the range.
 _MOST_POINTS = 50_000
@@ -151,7 +150,7 @@ class FinalMotions:
 
     finals: tuple[str, ...]  #: Their names, "tool" and "workpiece" as a rule
     frequency_hz: Vector  #: (n_lines,): [Hz]
-    source: NDArray[np.int64]  #: (n_lines,): Position of each line's source in `sources`
+    source: Indices  #: (n_lines,): Position of each line's source in `sources`
     motion_m: ComplexMatrix  #: (n_finals, n_lines): X [m]
     #: (n_finals, n_lines): m·X, by which the inertia force of V eq. 1 is ω²·|m·X| [kg·m]: m of the final member, with
     #: chains of its group

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector.errors import InputError
 from selector.physics.checks import ABOVE_0, FINITE, Checked
 from selector.physics.vibration.motion.final_motion import FinalMotions
 from selector.physics.vibration.rounding import SAME, above, below
-from selector.types import Array, Complex, ComplexMatrix, Vector
+from selector.types import Array, Complex, ComplexMatrix, Indices, Vector
 
 MOST_VALUES = 2_000_000_000  #: Realisations that differ × sections: some fifteen seconds.
 MOST_REALISATIONS = 1 << 22
@@ -365,7 +365,7 @@ def _log_force_per_depth(cutting: Cutting) -> float:
     )
 
 
-def _same_frequency(frequency_hz: Array) -> list[NDArray[np.int64]]:
+def _same_frequency(frequency_hz: Array) -> list[Indices]:
     """Rows by frequency, together where they differ by rounding alone."""
     order = np.argsort(frequency_hz, kind="stable")
     ordered = frequency_hz[order]
@@ -373,7 +373,7 @@ def _same_frequency(frequency_hz: Array) -> list[NDArray[np.int64]]:
     return [rows for rows in np.split(order, cuts) if len(rows)]
 
 
-def _expected(amplitude_m: Complex, owner: NDArray[np.int64], phases: int) -> tuple[float, int]:
+def _expected(amplitude_m: Complex, owner: Indices, phases: int) -> tuple[float, int]:
     """Expectation of the amplitude of lines at one frequency over the phases of their sources, and of how many."""
     names, source = np.unique(owner, return_inverse=True)
     if len(names) == 1:
