@@ -15,7 +15,6 @@ from selector.physics.thermal.prediction.tests_judged import RepeatedTest
 from selector.types import Vector
 
 POINTS_PER_TEST = 600
-_MODES = style.GROUPS[2:]  #: Colours of modes: without those of what is predicted and what is left.
 
 
 def duty_cycle(prediction: Prediction, response: str) -> go.Figure:

@@ -13,7 +13,7 @@ _HEIGHT = 640
 _SHOWN_SHARE = 0.08
 _MOST_LABELS = 12
 _HEAT_SCALE = ((0.0, "#f2f0ea"), (0.3, "#f6c667"), (0.6, "#e2652a"), (1.0, "#6b0f1a"))
-_SIZE_SCALE = ((0.0, "#f7fbff"), (0.35, "#b5d4e9"), (0.7, "#3787c0"), (1.0, "#08306b"))
+_SIZE_SCALE = style.LIKENESS_SCALE
 _CAMERA = {"eye": {"x": 1.5, "y": 1.7, "z": 0.9}, "center": {"x": 0, "y": 0, "z": -0.08}}
 #: Without the two epsilons, cells of some millimetres have no normal, and are drawn as dark patches.
 _LIGHT = {"ambient": 0.75, "diffuse": 0.5, "specular": 0.05, "facenormalsepsilon": 0.0, "vertexnormalsepsilon": 0.0}
