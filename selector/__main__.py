@@ -1,13 +1,13 @@
 """The program: `selector`, or `python -m selector` where that is not on the PATH."""
 
-import sys
+import os
 
 try:
     from selector.cli import main
 except KeyboardInterrupt:
-    # a Ctrl-C while it is still loading
-    sys.stderr.write("selector: stopped. Nothing was written.\n")
-    sys.exit(130)
+    # a Ctrl-C while it is still loading; of one in a text that is executed, `sys.exit` would make a death by SIGINT
+    os.write(2, b"selector: stopped. Nothing was written.\n")
+    os._exit(130)
 
 if __name__ == "__main__":
     main()
