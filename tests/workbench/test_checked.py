@@ -166,3 +166,12 @@ def test_a_value_of_a_wrong_kind_says_what_is_wrong(app, client):
     assert "a valid list" in answer
     assert "again" in answer
     assert "defect" not in answer
+
+
+def test_a_page_that_is_behind_takes_no_chosen_machine_away(app, client, bench):
+    bench.choose_simulation(kind="thermal", model="c-frame.toml")
+    choice = next(one for one in asked(app, client) if one["changedPropIds"] == ["simulation-kind.value"])
+    for of, value in zip(choice["inputs"], ("thermal", None), strict=True):
+        of["value"] = value
+    assert send(client, choice).status_code in (200, 204)
+    assert bench.simulation.model == "c-frame.toml"

@@ -110,7 +110,9 @@ def register(app: dash.Dash, bench: Bench) -> None:
         return fields, dash.no_update if is_waiting else pictures, wanted, state
 
     def choose(kind: str, model: str | None) -> None:
-        if kind in simulation_kinds() and bench.choose_simulation(kind=kind, model=model or ""):
+        # nobody can choose none: the page is behind, or has no machine of this kind
+        chosen = {"kind": kind} if model is None else {"kind": kind, "model": model}
+        if kind in simulation_kinds() and bench.choose_simulation(**chosen):
             parts.tell(bench)
 
     choices = parts.Form(((f"{ID}-kind", "value"), (f"{ID}-model", "value")), choose)
