@@ -57,22 +57,16 @@ def shared_rows(survey: Survey) -> Iterator[Finding]:
 
 
 def _stretches(values: Array) -> NDArray[np.uint64]:
-    """A number for every `_IN_A_ROW` rows of a run that follow one another, without those that hardly change.
-
-    Nor those of which one channel alone changes: of a machine that rests still, a command that comes again is no copy.
-    """
+    """A number for every `_IN_A_ROW` rows of a run that follow one another, without those that hardly change."""
     draw, mixed = np.random.default_rng(0), np.uint64(32)
     odd, place = (2 * draw.integers(2**63, size=n, dtype=np.uint64) + 1 for n in (len(values), _IN_A_ROW))
-    values = np.nan_to_num(values) + 0.0
-    bits = values.view(np.uint64)
+    bits = (np.nan_to_num(values) + 0.0).view(np.uint64)
     bits = (bits ^ (bits >> mixed)) * odd[:, None]  # high bits count in low ones, or two signs would cancel each other
     rows = (bits ^ (bits >> mixed)).sum(axis=0)
     if len(rows) < _IN_A_ROW:
         return rows[:0]
     is_new = sliding_window_view(np.diff(rows, prepend=rows[:1]) != 0, _IN_A_ROW).sum(axis=1) >= _IN_A_ROW // 2
-    changed = np.cumsum(np.diff(values, prepend=values[:, :1]) != 0, axis=1, dtype=np.int32)
-    moving = (changed[:, _IN_A_ROW - 1 :] > changed[:, : 1 - _IN_A_ROW]).sum(axis=0)
-    return np.unique((sliding_window_view(rows, _IN_A_ROW) @ place)[is_new & (moving >= min(2, len(values)))])
+    return np.unique((sliding_window_view(rows, _IN_A_ROW) @ place)[is_new])
 
 
 def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:

@@ -187,19 +187,3 @@ def test_runs_that_stand_still_alike_share_no_rows() -> None:
         name: pd.concat([still, own.set_axis(18000.0 + own.index)]) for name, own in (("a", moving), ("b", -moving))
     }
     assert not [one for one in inspect(Recording.from_runs(runs, channels)) if one.id in IDS]
-
-
-def test_a_programme_that_comes_again_while_the_machine_rests_is_no_copy() -> None:
-    """The speed is the same in both runs, and what it moves reads the same until it has overcome its friction."""
-    speed = 50.0 * np.arange(60)
-    channels = [Channel("n", "spindle_speed", "rpm"), Channel("Z", "displacement", "um")]
-
-    def told(rests: np.ndarray) -> set[str]:
-        tables = {}
-        for k, run in enumerate(("r1", "r2")):
-            moves = np.random.default_rng(k).normal(size=20)
-            tables[run] = pd.DataFrame({"n": speed, "Z": np.r_[rests, moves]}, 10.0 * np.arange(60))
-        return {one.id for one in identity.shared_rows(Survey(Recording.from_runs(tables, channels)))}
-
-    assert told(np.zeros(40)) == set()
-    assert told(np.random.default_rng(7).normal(size=40)) == {"rows-in-two-runs"}
