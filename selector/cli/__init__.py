@@ -167,6 +167,9 @@ def main() -> None:
         if getattr(sys, name) is None:
             # closed by the caller (`>&-`), or a program without a console
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 (open for good)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        # who ends a process from outside is owed the same clean end as who presses Ctrl-C
+        signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
     status = exit_status()
     # all is written and said: a Ctrl-C while the interpreter takes itself down must not turn success into a death
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -205,14 +205,35 @@ def test_ctrl_c_while_the_interpreter_ends_changes_nothing(monkeypatch):
     monkeypatch.setattr(cli, "exit_status", lambda: 0)
     # a thread that another test left would end this process at once, as it has to
     monkeypatch.setattr(cli.threading, "active_count", lambda: 1)
-    before = signal.getsignal(signal.SIGINT)
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         with warnings.catch_warnings(), pytest.raises(SystemExit) as ended:
             cli.main()
         assert ended.value.code == 0
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def test_a_process_that_is_ended_from_outside_leaves_nothing_half_written(tmp_path):
+    ended_while_it_writes = f"""\
+import os, signal
+from pathlib import Path
+from selector import atomic_file, cli
+signal.signal(signal.SIGINT, signal.default_int_handler)
+app = cli.typer.Typer(pretty_exceptions_enable=False)
+@app.command()
+def work():
+    with atomic_file.folder_written_whole(Path({str(tmp_path / "answer")!r})) as part:
+        (part / "half").touch()
+        os.kill(os.getpid(), signal.SIGTERM)
+cli.exit_status = lambda: cli.running.exit_status(app, [])
+cli.main()
+"""
+    ended = subprocess.run([sys.executable, "-c", ended_while_it_writes], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (130, "selector: stopped. Nothing was written.\n")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.fixture
