@@ -184,6 +184,16 @@ def test_flags_and_lists_may_be_repeated(capfd):
     assert "absent.csv" in capfd.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("word", "said"), [("watch", "fleet watch"), ("show", "model show"), ("drive", "simulate drive")]
+)
+def test_a_command_of_a_group_is_found_without_its_group(word, said, capfd):
+    assert cli.exit_status([word, "x"]) == 2
+    assert f"What to do: say `selector {said}`\n" in capfd.readouterr().err
+    assert cli.exit_status(["wach"]) == 2
+    assert "selector --help" in capfd.readouterr().err
+
+
 def test_messages_survive_a_code_page_that_lacks_letters(monkeypatch, tmp_path):
     error = OptionError("通道 T1 и µ", expected="x", where="温度.csv", advice="y")
     path = tmp_path / "stderr.txt"

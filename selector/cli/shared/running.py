@@ -152,9 +152,13 @@ def _usage_error(error: Any) -> OptionError:
         said = wrong["msg"].removeprefix(_REFUSED).partition(", unable")[0]
         expected = said.replace("valid number", "number with a decimal point").replace("valid integer", "whole number")
         found, where = repr(wrong["input"]), error.param.opts[0]
-    return OptionError(
-        found, expected=expected, where=where, advice=f"correct the command; `{path} --help` lists its options"
-    )
+    advice = f"correct the command; `{path} --help` lists its options"
+    word = found.split("'")[1] if found.startswith("No such command") else None
+    groups = getattr(getattr(context, "command", None), "commands", {})
+    for name, group in groups.items():
+        if word in getattr(group, "commands", ()):
+            advice = f"say `{path} {name} {word}`"
+    return OptionError(found, expected=expected, where=where, advice=advice)
 
 
 def _file_error(error: OSError) -> ReadError:
