@@ -11,7 +11,7 @@ import pytest
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.workflow import diagnosis
-from selector.errors import InputError
+from selector.errors import InputError, OptionError
 from selector.recording import Channel, Recording
 
 N, STEP_S = 300, 60.0
@@ -184,3 +184,6 @@ def test_a_copy_of_a_run_proves_nothing_and_is_left_out():
     assert found.runs == ("r1", "r2", "r3")
     assert found.held_out.tolist() == [False] * 240 + [True] * 120
     assert [one.where.run for one in found.findings if one.id == "same-file-twice"] == ["r4"]
+    with pytest.raises(OptionError, match=r"'r4' \(Run r4 is run r3, or a part of it: .*\)") as refused:
+        comparison_of(given, simulated, holdout="r4")
+    assert refused.value.expected == "last, a run (r1, r2, r3), or a share above 0 and up to 0.8"

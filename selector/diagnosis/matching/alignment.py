@@ -1,7 +1,7 @@
 """How recording and simulation are brought together: runs, one clock, rows to be compared, positions that are none."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 
@@ -272,7 +272,7 @@ def comparison_of(
         recorded={name: read_only(recorded[:, k]) for k, name in enumerate(recording.names)},
         simulated={name: read_only(simulated[:, k]) for k, name in enumerate(simulation.names)},
         responses=tuple(shared),
-        held_out=_held_out(reached, time, holdout),
+        held_out=_held_out(reached, time, holdout, findings),
         findings=tuple(findings),
     )
     comparison = with_following_errors(without_extremes(comparison))
@@ -464,7 +464,7 @@ def _read_at(
     return result
 
 
-def _held_out(runs: Sequence[str], time: Sequence[Vector], holdout: str) -> Mask:
+def _held_out(runs: Sequence[str], time: Sequence[Vector], holdout: str, findings: Iterable[Finding]) -> Mask:
     """Rows that nothing is fitted to, shape (n_rows,)."""
     share = LAST_PART
     if holdout in runs:
@@ -482,8 +482,9 @@ def _held_out(runs: Sequence[str], time: Sequence[Vector], holdout: str) -> Mask
         except ValueError:
             share = 0.0
         if not 0.0 < share <= 0.8:
+            gone = [one for one in findings if one.where.run == holdout and one.action == "leave-out-run"]
             raise OptionError(
-                repr(holdout),
+                " ".join([repr(holdout), *(f"({one.statement.rstrip('.')})" for one in gone)]),
                 expected=f"last, a run ({_listed(runs)}), or a share above 0 and up to 0.8",
                 where="--holdout",
                 advice="e.g. --holdout 0.3 keeps the last 30 % of every run for the proof",

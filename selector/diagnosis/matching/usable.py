@@ -278,8 +278,8 @@ def without_codes(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]
     """The recording with missing samples where no reading stands, without copies of runs; and what was left out.
 
     Every other run and every channel stays, if only as missing samples; the recording itself if there are no such
-    samples. Findings ``sensor-break``, ``out-of-range``, ``same-file-twice``, ``rows-in-two-runs``; all of them
-    warnings, for what is left out does no more harm to the answer. O(samples).
+    samples. Findings ``sensor-break``, ``out-of-range``, ``same-file-twice``, and ``rows-in-two-runs``, which leaves
+    nothing out; all of them warnings, for what is left out does no more harm to the answer. O(samples).
     """
     codes = (finding for finding in Survey(recording).found_by(_CHECKS) if finding.id in _NO_READINGS)
     found = [replace(finding, level="warning") for finding in codes]
