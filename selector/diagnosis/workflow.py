@@ -17,6 +17,7 @@ from selector.diagnosis.evidence.confirmation import (
     SUSPECTED,
     TRIFLE,
     as_unseen_rows_have_it,
+    carries_little,
     confirmed,
     doubted,
     held_out_faults,
@@ -39,7 +40,6 @@ from selector.diagnosis.evidence.naming import (
     is_little_in_one_run,
     is_recalibrated,
     is_small,
-    is_structured,
     named_effect,
     of_practical_size,
     or_parameters,
@@ -49,7 +49,7 @@ from selector.diagnosis.evidence.naming import (
 )
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, is_slow_in_one_run, numbers, search
+from selector.diagnosis.evidence.search import TENTH, Search, numbers, search
 from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
 from selector.diagnosis.matching.usable import (
     diagnosis_of_copy,
@@ -68,9 +68,6 @@ from selector.diagnosis.wording import headline, is_data
 from selector.types import Vector
 
 _MOST = 0.5
-#: Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
-#: missing if structure is left beside them.
-_LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 #: Confidence below which a name is a guess, but for what explains as much and is carried: transfer may have chosen it.
 _LEAST_SURE, _QUARTER = 0.1, 0.25
 #: Names from which on any smooth misfit may have been put together from them; the same where there is one.
@@ -373,7 +370,9 @@ def _named_clearly(state: _State) -> _State:
     unseen rows is no name where structure is left, nor what surely makes them worse.
     """
     doubts = _doubts(state)
-    is_little = [_carries_little(effect, state.search, is_doubted=bool(doubts)) for effect in state.effects]
+    is_little = [
+        carries_little(state.comparison, state.search, effect, is_doubted=bool(doubts)) for effect in state.effects
+    ]
     state = replace(
         state,
         effects=tuple(effect for effect, little in zip(state.effects, is_little, strict=True) if not little),
@@ -384,23 +383,6 @@ def _named_clearly(state: _State) -> _State:
     stuck = tuple(effect for effect in state.effects if effect.id == "data.stuck")
     rest = seen_only(effect for effect in state.effects if effect not in stuck)
     return replace(state, effects=stuck, also=(*state.also, *rest))
-
-
-def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> bool:
-    """Whether a name carries little to unseen rows, is little and unsure, or a slow fault in an only run."""
-    if effect.id == "data.stuck":
-        return False
-    named = found.named.get(effect.id, {}).items()
-    is_part = is_doubted and effect.share < TENTH and effect.acts is None and effect.confidence <= SUSPECTED
-    if is_part or any(is_slow_in_one_run(found.benches[name], v) for name, v in named):
-        return True
-    gap = found.closed.get(effect.id)
-    if effect.share >= MOST_OF_IT or effect.id not in found.named:
-        return False
-    if gap is None or gap.high is None:
-        # where unseen rows leave no gap to be closed they have to be no worse
-        return is_structured(found, effect.channel) and effect.share < TENTH and left_unseen(effect, found) >= 1.0
-    return gap.value < _LEAST_CLOSED and gap.high < (_SURELY_LESS if is_doubted else 0.0)
 
 
 def _doubts(state: _State) -> Sequence[Structure]:

@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.confirmation import (
+    carries_little,
     confirmation,
     confirmed,
     held_out_faults,
@@ -116,6 +117,20 @@ def test_what_wrong_parameters_do_as_well_is_half_sure_and_says_so(slow, id_, ri
     assert ("few per cent off" in told.statement) == is_like
     of_one_run = replace(effect, id="data.drift", acts=("r2", 0.0, None))
     assert or_parameters(made, result, of_one_run) == of_one_run
+
+
+@pytest.mark.parametrize(
+    ("unseen", "of_movement", "share", "is_none"),
+    [(0.0, 0.1, 0.2, True), (1.0, 0.1, 0.2, False), (0.0, 0.1, 0.3, False), (0.0, 0.4, 0.2, False)],
+)
+def test_what_wrong_parameters_do_as_well_makes_unseen_rows_better_or_is_none(
+    slow, unseen, of_movement, share, is_none
+):
+    made, result = found(slow, unseen)
+    moved = np.std(made.recorded["Z"][~made.held_out])
+    course = of_movement * moved * slow / np.std(slow[~made.held_out])
+    effect = replace(named_effect(made, result, "thermal.memory"), courses={"Z": course}, share=share)
+    assert carries_little(made, result, effect, is_doubted=False) == is_none
 
 
 def test_a_lag_in_the_place_of_the_course_is_as_large_as_what_recalibration_does_not_do(slow):

@@ -8,9 +8,18 @@ import numpy as np
 from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect
-from selector.diagnosis.evidence.naming import is_structured, named_effect, part_of
+from selector.diagnosis.evidence.naming import is_like_parameters, is_structured, named_effect, part_of
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms, without
+from selector.diagnosis.evidence.search import (
+    MOST_OF_IT,
+    TENTH,
+    Search,
+    is_slow_in_one_run,
+    numbers,
+    search,
+    unseen_rms,
+    without,
+)
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record
 from selector.diagnosis.shapes.residual import least_squares
@@ -30,6 +39,10 @@ SUSPECTED = 0.5  #: What is left of a confidence that another programme does not
 _BORNE_OUT = 0.75  #: Mean square of unseen rows that a name leaves, in parts of that without it.
 _PART = 0.6  #: Of what an effect gains.
 _MOST_OF_GAP = 0.7  #: On unseen rows.
+#: Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
+#: missing if structure is left beside them.
+_LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
+_QUARTER = 0.25  #: Of the mismatch.
 _CANCELS = 3.0  #: Times the mismatch as it is given. Right names on real recordings are at most 2.1 times as large.
 _THE_SAME, _AS_LITTLE = 1.0 - 1e-6, 1.0 + 1e-6  #: Canonical correlation of courses that fitted rows cannot tell; error.
 _NEARLY_ALL = 0.9  #: Of what the best shape explains.
@@ -131,6 +144,29 @@ def only_cancels(effect: NamedEffect, found: Search) -> bool:
     bench = found.benches[effect.channel]
     course = effect.courses[effect.channel][bench.fitted]
     return not effect.id.startswith("data.") and float(np.std(course)) > _CANCELS * rms(bench.target[bench.fitted])
+
+
+def carries_little(comparison: Comparison, found: Search, effect: NamedEffect, *, is_doubted: bool) -> bool:
+    """Whether a name carries little to unseen rows, is little and unsure, or a slow fault in an only run.
+
+    What wrong parameters do as well has to make unseen rows better, unless it explains a quarter.
+    """
+    if effect.id == "data.stuck":
+        return False
+    named = found.named.get(effect.id, {}).items()
+    is_part = is_doubted and effect.share < TENTH and effect.acts is None and effect.confidence <= SUSPECTED
+    if is_part or any(is_slow_in_one_run(found.benches[name], v) for name, v in named):
+        return True
+    gap = found.closed.get(effect.id)
+    if effect.share >= MOST_OF_IT or effect.id not in found.named:
+        return False
+    is_idle = effect.share < _QUARTER and left_unseen(effect, found) >= 1.0 - TRIFLE
+    if is_idle and is_like_parameters(comparison, found, effect):
+        return True
+    if gap is None or gap.high is None:
+        # where unseen rows leave no gap to be closed they have to be no worse
+        return is_structured(found, effect.channel) and effect.share < TENTH and left_unseen(effect, found) >= 1.0
+    return gap.value < _LEAST_CLOSED and gap.high < (_SURELY_LESS if is_doubted else 0.0)
 
 
 def left_unseen(effect: NamedEffect, found: Search, response: str | None = None) -> float:

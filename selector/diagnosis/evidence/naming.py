@@ -212,18 +212,22 @@ def as_carried(effect: NamedEffect, found: Search) -> NamedEffect:
     return replace(effect, confidence=max(effect.confidence, least))
 
 
-def or_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> NamedEffect:
-    """The effect no surer than half where wrong parameters do the same, or what it cannot be told from; and told so."""
-    is_like = _is_little_force(comparison, found, effect)
+def is_like_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> bool:
+    """Whether wrong parameters of the simulation do the same as an effect, or as what it cannot be told from."""
     # no parameter is wrong in one run alone
     rivals = effect.cannot_be_told_from if effect.acts is None else ()
-    if not _OF_HEAT.isdisjoint((effect.id, *rivals)):
-        bench, course = found.benches[effect.channel], effect.courses[effect.channel]
-        moved = np.nanstd(comparison.recorded[effect.channel][bench.fitted])
-        # a lag may take the place of the simulated course; what recalibration does not do by itself is little then
-        beyond = np.sqrt(effect.share * bench.mean_square([]))
-        is_like = bool(np.std(course[bench.fitted]) < _OF_MOVEMENT * moved or beyond < _BEYOND * moved)
-    if not is_like:
+    if _OF_HEAT.isdisjoint((effect.id, *rivals)):
+        return _is_little_force(comparison, found, effect)
+    bench, course = found.benches[effect.channel], effect.courses[effect.channel]
+    moved = np.nanstd(comparison.recorded[effect.channel][bench.fitted])
+    # a lag may take the place of the simulated course; what recalibration does not do by itself is little then
+    beyond = np.sqrt(effect.share * bench.mean_square([]))
+    return bool(np.std(course[bench.fitted]) < _OF_MOVEMENT * moved or beyond < _BEYOND * moved)
+
+
+def or_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> NamedEffect:
+    """The effect no surer than half where wrong parameters do the same, and told so."""
+    if not is_like_parameters(comparison, found, effect):
         return effect
     also = ", as parameters of the simulation that are a few per cent off would do, too."
     statement = effect.statement.removesuffix(".") + also
