@@ -10,8 +10,9 @@ from typing import Literal
 Licensed = Literal["free", "in place"]
 """A cut may be shipped; to be read in place only."""
 Half = Literal[
-    "development", "apart", "second", "third", "fourth", "fourth-apart", "fifth", "fifth-apart", "sixth", "sixth-apart"
-]
+    "development", "apart", "second", "third", "fourth", "fourth-apart", "fifth", "fifth-apart", "sixth", "sixth-apart",
+    "seventh", "seventh-apart",
+]  # fmt: skip
 
 SENTENCE = "the apart half is not looked at before the method stands: 2026-11-23"
 """Decides by lot, together with a rig's name, which rigs are set apart."""
@@ -289,7 +290,45 @@ _SIXTH_KINDS = (
 )
 """Rigs with controls; of the others drives, vibration and heat: half of each is set apart by lot."""
 
-EVERY: tuple[Source, ...] = (*SOURCES, *SECOND, *THIRD, *FOURTH, *FIFTH, *SIXTH)
+_DFKI = "dfki-ric-underactuated-lab"
+_LABS = "anpar/autolin"
+_SYSID = "Allen-wyson/epfl-sysid"
+
+SEVENTH: tuple[Source, ...] = (
+    Source("lab_motor", _LABS, "c1bbe1a", "none", "in place", ("labo2/src/data/*.txt", "README.md")),
+    Source("driven_pendulum", f"{_DFKI}/torque_limited_simple_pendulum", "ed17ea2", "BSD-3-Clause", "free", (
+        "results/control_method_sac/data_*.csv", "results/control_method_energy_shaping/data_*.csv",
+        "results/control_method_gravity_compensation/data_*.csv", "LICENSE*", "README.md")),
+    Source("double_pendulum", f"{_DFKI}/double_pendulum", "1e8544e", "BSD-3-Clause", "free", (
+        "data/experiment_records/design_A.0/20220815/sys_id/trajectory_0[012].csv",
+        "data/experiment_records/design_A.0/20220815/sys_id/trajectory_1[23].csv",
+        "data/experiment_records/design_A.0/20220815/noise/velocity_measurement/*.csv", "LICENSE*", "README.md")),
+    Source("direct_drive", "jorgevchin/Friction-Identification", "d455ff8", "none", "in place", (
+        "Test 2/cin_*_exp_gan.t", "README.md")),
+    Source("office_tower", "eunchurn/system-identification-unison-tower-matlab", "a0655e6", "none", "in place", (
+        "wn_*.dat", "README.md")),
+    Source("laser_beam", _SYSID, "48ac1c1", "none", "in place", ("matlab/ce2/laserbeamdataN.mat", "README*")),
+    Source("active_suspension", _SYSID, "48ac1c1", "none", "in place", ("matlab/ce2/CE2.mat", "README*")),
+    Source("two_capacitors", _LABS, "c1bbe1a", "none", "in place", ("labo3/src/data/*.txt", "README.md")),
+    Source("roaster", "scottjames/coffee-roasting", "f797287", "MIT", "free", (
+        "logs/roast_25-10-11*.alog", "logs/roast_26*.alog", "LICENSE*", "README.md")),
+    Source("hot_water", "Tang1001/Heat_pump", "0777f6c", "none", "in place", ("Data/week 13*.csv",)),
+    Source("solar_plant", "pvlib/pvanalytics", "06fd596", "MIT", "free", (
+        "pvanalytics/data/nrel_RSF_II.csv", "LICENSE*", "README*")),
+)  # fmt: skip
+"""Rigs of a tenth exam: declared on 2026-11-30 by somebody who had not read the method, before they were asked."""
+
+SEVENTH_SENTENCE = "the tenth exam is asked by halves: 2026-11-30"
+_SEVENTH_KINDS = (
+    ("driven_pendulum", "double_pendulum"),
+    ("laser_beam", "active_suspension", "two_capacitors"),
+    ("lab_motor", "direct_drive"),
+    ("office_tower", "roaster", "hot_water", "solar_plant"),
+)
+"""Drives with controls, and what else has some; of the others drives, and vibration with heat: half of each is set
+apart by lot."""
+
+EVERY: tuple[Source, ...] = (*SOURCES, *SECOND, *THIRD, *FOURTH, *FIFTH, *SIXTH, *SEVENTH)
 
 KNOWN: tuple[str, ...] = ("emps", "silverbox", "cascaded_tanks", "ace_thermal", "spindle46")
 """Rigs that were looked at while the program was made: never apart."""
@@ -315,6 +354,9 @@ def halves() -> dict[str, Half]:
     for kind in _SIXTH_KINDS:
         rigs = sorted(kind, key=lambda rig: _lot(rig, SIXTH_SENTENCE))
         found |= {rig: "sixth" if 2 * k < len(rigs) else "sixth-apart" for k, rig in enumerate(rigs)}
+    for kind in _SEVENTH_KINDS:
+        rigs = sorted(kind, key=lambda rig: _lot(rig, SEVENTH_SENTENCE))
+        found |= {rig: "seventh" if 2 * k < len(rigs) else "seventh-apart" for k, rig in enumerate(rigs)}
     return found
 
 

@@ -20,7 +20,7 @@ from benchmarks.real.cut import CUTS
 from benchmarks.real.cut import written as cut_files
 from benchmarks.real.rigs import CASES
 from benchmarks.real.score import judged, sums, text_of
-from benchmarks.real.sources import EVERY, FIFTH, FOURTH, KNOWN, SECOND, SIXTH, THIRD, halves
+from benchmarks.real.sources import EVERY, FIFTH, FOURTH, KNOWN, SECOND, SEVENTH, SIXTH, THIRD, halves
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.recording import Channel
@@ -34,6 +34,7 @@ FOURTH_APART = {
 }  # fmt: skip
 FIFTH_APART = {"made_spring", "motor_kit", "hung_payload", "straw_house", "two_rooms", "water_cup"}
 SIXTH_APART = {"hot_phone", "resonant_circuit", "winder", "speed_servo", "passive_house"}
+SEVENTH_APART = {"double_pendulum", "two_capacitors", "direct_drive", "hot_water", "solar_plant"}
 VERDICTS = {"missing-physics", "nothing-missing", "data-fault", "miscalibrated", "unexplained"}
 DRAW = np.random.default_rng(0)
 
@@ -54,6 +55,8 @@ def test_the_lot_is_the_one_that_was_drawn_before_anything_was_run():
     assert {rig for rig, half in half_of.items() if half == "fifth"} == {one.rig for one in FIFTH} - FIFTH_APART
     assert {rig for rig, half in half_of.items() if half == "sixth-apart"} == SIXTH_APART
     assert {rig for rig, half in half_of.items() if half == "sixth"} == {one.rig for one in SIXTH} - SIXTH_APART
+    assert {rig for rig, half in half_of.items() if half == "seventh-apart"} == SEVENTH_APART
+    assert {rig for rig, half in half_of.items() if half == "seventh"} == {one.rig for one in SEVENTH} - SEVENTH_APART
 
 
 def test_a_clone_without_the_commit_is_told(tmp_path):
@@ -80,7 +83,8 @@ def test_there_are_enough_rigs_on_both_sides_of_the_lot():
     half_of = halves()
     least = (("development", 24, 5, 12), ("apart", 15, 5, 8), ("second", 15, 8, 8), ("third", 22, 10, 12),
              ("fourth", 10, 4, 7), ("fourth-apart", 10, 6, 7),
-             ("fifth", 11, 5, 6), ("fifth-apart", 13, 5, 6), ("sixth", 11, 4, 7), ("sixth-apart", 8, 4, 5))  # fmt: skip
+             ("fifth", 11, 5, 6), ("fifth-apart", 13, 5, 6), ("sixth", 11, 4, 7), ("sixth-apart", 8, 4, 5),
+             ("seventh", 9, 4, 6), ("seventh-apart", 10, 4, 5))  # fmt: skip
     for half, positives, controls, rigs in least:
         of = [one for one in CASES if half_of[one.rig] == half]
         assert sum(one.kind == "positive" for one in of) >= positives

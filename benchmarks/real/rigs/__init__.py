@@ -26,6 +26,7 @@ from benchmarks.real.rigs import (
     rosa,
     second,
     servo_play,
+    seventh,
     sixth,
     station,
     telescope,
@@ -62,5 +63,5 @@ _RIGS = (
 
 CASES: tuple[RealCase, ...] = (
     *(case for rig in _RIGS for case in rig.CASES), *second.CASES, *third.CASES, *fourth.CASES,
-    *fifth.CASES, *sixth.CASES,
+    *fifth.CASES, *sixth.CASES, *seventh.CASES,
 )  # fmt: skip
