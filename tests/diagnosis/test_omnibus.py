@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -45,6 +47,18 @@ def test_noise_that_wanders_is_no_structure(kind):
     for seed in range(5):
         rng = np.random.default_rng(300 + seed)
         alarms += bool(found_in({"Z": wandering(kind, rng)}, seed=seed, false_alarm=0.1))
+    assert alarms < 3
+
+
+@pytest.mark.parametrize("kind", ["white", "ar"])
+def test_noise_that_is_larger_while_the_spindle_turns_is_no_structure(kind):
+    # At 5 % false alarms 3 or more of 5 has a probability of 0.1 %.
+    alarms, speed = 0, np.tile(np.repeat([0.0, 2000.0, 0.0], [40, 220, 140]), 3)
+    for seed in range(5):
+        noise = np.where(speed > 0.0, 4.0, 1.0) * coloured(kind, 3 * N, np.random.default_rng(500 + seed))
+        of = comparison({"Z": noise})
+        of = replace(of, recorded={**of.recorded, "n": speed})
+        alarms += bool(unexplained(of, *residuals(of), seed=seed, false_alarm=0.05))
     assert alarms < 3
 
 

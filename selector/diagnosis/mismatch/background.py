@@ -1,6 +1,6 @@
 """What in a residual is noise: its spectrum, the filters that make it white and back, and sets of noise alone."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -226,9 +226,13 @@ def noise_alone(
     n_sets: int,
     rng: np.random.Generator,
     *,
+    sized: Callable[[Vector], Vector] = np.ones_like,
     wanders: bool = True,
 ) -> dict[str, Matrix]:
     """Residuals as noise alone would make them: innovations in another order, the same for all responses.
+
+    `sized` tells of innovations, shape (n_rows,), how large they are where they stand, as the noise of a machine that
+    turns is larger: this stays in its place.
 
     Response → shape (1 + n_sets, n_rows): the first is the residual itself, all with the recalibration taken off.
     Readings are rounded as the recorded ones are (`Comparison.resolution`). Missing rows are 0. A response without
@@ -256,7 +260,8 @@ def noise_alone(
             ranks = rankdata(bringing + 1e-6 * spread * rng.standard_normal(len(bringing)))
             bringing = float(np.std(bringing)) * norm.ppf((ranks - 0.5) / len(ranks))
         course = comparison.filled(comparison.recorded[response] - residual)
-        noises[response] = _Noise(model, bringing, taken, seen, step, spread, course)
+        size = sized(bringing)
+        noises[response] = _Noise(model, bringing / size, size, taken, seen, step, spread, course)
         stacks[response] = np.empty((1 + n_sets, n))
         stacks[response][0] = own[0]
     for block in blocks(1, 1 + n_sets, n):
@@ -270,10 +275,11 @@ def noise_alone(
 
 @dataclass(frozen=True, eq=False)
 class _Noise:
-    """Noise of one response: its model, innovations of shape (n_rows,), and what its readings are made of."""
+    """Noise of one response: its model, innovations of one size, (n_rows,), and what its readings are made of."""
 
     model: Background
     bringing: Vector
+    size: Vector  #: (n_rows,): Of the innovations there
     taken: Matrix
     seen: NDArray[np.intp]
     step: float
@@ -286,7 +292,7 @@ class _Noise:
         """Residuals of innovations in these orders, run by run, shape (n_sets, n_rows)."""
         shaped = np.empty((len(mixed[0]), len(self.bringing)))
         for part, before, after in zip(parts, earlier, mixed, strict=True):
-            drawn = np.concatenate([self.bringing[before], self.bringing[after]], axis=1)
+            drawn = np.concatenate([self.bringing[before], self.bringing[after] * self.size[part]], axis=1)
             shaped[:, part] = self.model.coloured(drawn, len(part))
         if self.step > 0.0:
             shaped *= np.sqrt(max(1.0 - self.step**2 / 12.0 / self.spread**2, 0.05))

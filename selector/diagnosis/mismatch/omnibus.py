@@ -1,6 +1,6 @@
 """Whether there is structure left in the residual that nothing explains; of what kind, and where; and what wanders."""
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Literal
@@ -147,15 +147,14 @@ def columns_of_states(noise: Background, rows: Rows, states: Sequence[Variable])
     seen = np.concatenate(rows)
     for variable in states:
         bins = variable.bins(_BINS)
-        count = int(bins.max()) + 1
-        if count < 2:
+        if bins.max() == 0:
             continue
-        table = (np.arange(count)[:, None] == bins[None, :]).astype(np.float64)
-        filtered = noise.innovations(table, rows)[:, seen].T
+        table = _members(bins)
+        filtered = noise.innovations(table.T, rows)[:, seen].T
         left, values, _ = np.linalg.svd(filtered - filtered.mean(axis=0), full_matrices=False)
         left = left[:, values > 1e-6 * values[0]] if values[0] > 0 else left[:, :0]
         if left.shape[1]:
-            found.append(ColumnsOfState(variable, bins[seen], np.ascontiguousarray(table.T[seen]), left))
+            found.append(ColumnsOfState(variable, bins[seen], table[seen], left))
     return found
 
 
@@ -242,21 +241,26 @@ def of_one_size(white: Matrix, rows: Rows, states: Sequence[ColumnsOfState]) -> 
     seen = np.concatenate(rows)
     result = np.zeros_like(white)
     readings = white[:, seen]
-    result[:, seen] = readings / _size_by_state(np.abs(readings), states)
+    result[:, seen] = readings / _size_by_state(np.abs(readings), [(state.bins, state.members) for state in states])
     return result
 
 
-def _size_by_state(size: Matrix, states: Sequence[ColumnsOfState]) -> Matrix:
+def _members(bins: NDArray[np.intp]) -> Matrix:
+    """1 in the column of a row's bin, shape (n_rows, n_bins)."""
+    return np.asarray(bins[:, None] == np.arange(int(bins.max()) + 1), dtype=np.float64)
+
+
+def _size_by_state(size: Matrix, states: Iterable[tuple[NDArray[np.intp], Matrix]]) -> Matrix:
     """Mean size in each bin of the one variable that tells most about it, set by set; 1 where none tells anything."""
     level, spread = size.mean(axis=1, keepdims=True), np.maximum(size.var(axis=1), 1e-300)
     best, scale = np.full(len(size), _TELLING), np.ones_like(size)
-    for state in states:
-        count = state.members.sum(axis=0)
-        mean = size @ state.members / np.maximum(count, 1.0)
+    for bins, members in states:
+        count = members.sum(axis=0)
+        mean = size @ members / np.maximum(count, 1.0)
         between = ((mean - level) ** 2 @ count) / spread
         better = between > best
         best[better] = between[better]
-        scale[better] = np.maximum(mean / np.maximum(level, 1e-300), 0.05)[better][:, state.bins]
+        scale[better] = np.maximum(mean / np.maximum(level, 1e-300), 0.05)[better][:, bins]
     return scale
 
 
@@ -329,8 +333,11 @@ def unexplained(
     rng = np.random.default_rng(seed)
     draws = int(np.clip(_READINGS // len(comparison.time_s), *_DRAWS))
     seen = {name: np.where(np.isfinite(whitened[name]), values, np.nan) for name, values in residuals.items()}
-    stacks = noise_alone(comparison, seen, draws, rng, wanders=wanders)
     states = variables(comparison)
+    of_states = [(bins, _members(bins)) for bins in (state.bins(_BINS) for state in states)]
+    stacks = noise_alone(
+        comparison, seen, draws, rng, sized=lambda of: _size_by_state(np.abs(of)[None], of_states)[0], wanders=wanders
+    )
     found: list[tuple[str, Tested]] = []
     rows = {response: seen_rows(comparison, seen[response]) for response in stacks}
     noises: dict[str, Background] = {}
