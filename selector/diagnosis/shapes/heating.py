@@ -9,7 +9,17 @@ from numba import njit
 from scipy.ndimage import uniform_filter1d
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import by_movement, by_run, course, excited, lagged, rate, rise, time_constants
+from selector.diagnosis.shapes.signals import (
+    by_movement,
+    by_run,
+    course,
+    excited,
+    lagged,
+    no_flow,
+    rate,
+    rise,
+    time_constants,
+)
 from selector.number_text import span_text
 from selector.recording import Channel
 from selector.types import Matrix, Vector
@@ -84,6 +94,9 @@ def lacking(comparison: Comparison, response: str) -> str | None:
         return f"heat shows in displacements and temperatures, and {response} is a channel of role {role}"
     if role == "displacement" and comparison.longest_s < SHORTEST_S:
         return f"the longest run takes {span_text(comparison.longest_s)}, heat needs {span_text(SHORTEST_S)} or more"
+    is_level = role == "displacement" and no_flow(comparison, response) is None
+    if is_level and not sources(comparison, response).is_coolant_said:
+        return f"{response} is the level of a store that something flows into, and nothing that warms was recorded"
     if len(comparison.time_s) < 20 * len(comparison.runs):
         return "fewer than 20 samples a run"
     return None

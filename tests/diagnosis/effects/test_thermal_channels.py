@@ -323,3 +323,16 @@ def test_a_lag_goes_on_from_where_its_response_was_at_the_start():
     effect = answer.effects[0]
     assert "thermal.memory" in (effect.id, *effect.cannot_be_told_from)
     assert answer.fit["T"].heldout.rmse_after < 0.3 * answer.fit["T"].recalibrated_heldout
+
+
+@pytest.mark.parametrize(
+    ("channels", "is_level"),
+    [
+        ({"q": ("flow", None)}, True),
+        ({"q": ("flow", "coolant")}, False),
+        ({"q": ("flow", None), "T1": ("temperature", None)}, False),
+        ({"n": ("spindle_speed", None)}, False),
+    ],
+)
+def test_the_level_of_a_store_remembers_no_heat(channels, is_level):
+    assert ("level of a store" in (lacking(made(channels), "Z") or "")) == is_level
