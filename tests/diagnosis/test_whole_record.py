@@ -13,6 +13,8 @@ from selector.diagnosis.evidence.naming import whole_record_effect
 from selector.diagnosis.evidence.recalibration import Recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.workflow import _STAGES, _Asked, _named, _off_in_unseen, _recalibrated, _State
+from selector.recording import Channel
+from selector.units import CANONICAL_UNITS
 from tests.diagnosis.made import coloured, comparison
 
 
@@ -39,6 +41,18 @@ def test_one_response_of_another_scale_than_the_others_is_a_gain():
 )
 def test_responses_that_are_off_together_or_not_known_are_no_gain(gain, error):
     assert names(recalibrated(gain=1.05), recalibrated(gain=gain, error=error)) == set()
+
+
+@pytest.mark.parametrize(
+    ("role", "gain", "is_fault"), [("position", 1.05, False), ("position", 25.4, True), ("spindle_speed", 1.05, True)]
+)
+def test_the_scale_of_an_axis_force_is_a_parameter_of_the_simulation(role, gain, is_fault):
+    made = comparison({"Z": np.zeros(1200), "Y": np.zeros(1200)})
+    roles = {"Z": "current", "n": role}
+    held = {one.name: roles.get(one.name, one.role) for one in made.channels}
+    given = replace(made, channels=tuple(Channel(name, role, CANONICAL_UNITS[role]) for name, role in held.items()))
+    found = whole_record_names(given, {"Z": recalibrated(gain=gain), "Y": recalibrated(gain=1.001)})
+    assert set(found) == ({"data.gain"} if is_fault else set())
 
 
 def test_a_simulation_that_comes_late_in_all_responses_is_no_clock():

@@ -99,6 +99,7 @@ def contradicted(bench: Bench, again: Recalibrated) -> float:
 
 
 _FORCES = ("force", "current", "voltage")
+_HELD = ("position_command", "position", "velocity")  #: Roles that tell of an axis under control.
 _NEUTRAL = {"gain": 1.0, "offset": 0.0, "delay": 0.0}
 #: Standard errors from which a quantity is off, up to which it is right, and from which two of them differ.
 _OFF, _RIGHT, _APART = 6.0, 3.0, 4.0
@@ -108,7 +109,8 @@ def whole_record_names(comparison: Comparison, again: Mapping[str, Recalibrated]
     """Effect → response → the quantity of the recalibration that shows it, where it is no mere miscalibration.
 
     A wrong parameter of the simulation rarely moves one response of several and leaves the others exactly right; a
-    wrong scale, zero or clock of one channel does just that. A factor that separates two units is the unit. A constant
+    wrong scale, zero or clock of one channel does just that. But the force of an axis, whose position a control holds,
+    takes all that is wrong: its scale is a parameter. A factor that separates two units is the unit. A constant
     force where the axis stands as well is a force (a cable, a weight), if not the zero of its amplifier; beside a wrong
     scale it is what that makes of a force that is never 0.
     """
@@ -118,16 +120,13 @@ def whole_record_names(comparison: Comparison, again: Mapping[str, Recalibrated]
     }
     found: dict[str, dict[str, str]] = {}
     alone = {word: _alone(word, values, again) for word, values in off.items()}
-    scales = {name: value for name, value in off["gain"].items() if known_factor(value) or alone["gain"]}
+    forces = {name for name in again if comparison.channel(name).role in _FORCES}
+    is_fault = alone["gain"] and (forces.isdisjoint(off["gain"]) or not comparison.with_role(*_HELD))
+    scales = {name: value for name, value in off["gain"].items() if is_fault or known_factor(value)}
     if scales:
         found["data.gain"] = dict.fromkeys(scales, "gain")
-    forces = {
-        name: value
-        for name, value in off["offset"].items()
-        if comparison.channel(name).role in _FORCES and name not in off["gain"]
-    }
-    if forces:
-        found["drive.offset_force"] = dict.fromkeys(forces, "offset")
+    if weights := [name for name in off["offset"] if name in forces and name not in off["gain"]]:
+        found["drive.offset_force"] = dict.fromkeys(weights, "offset")
     elif alone["offset"]:
         found["data.zero"] = dict.fromkeys(off["offset"], "offset")
     if alone["delay"]:
