@@ -102,13 +102,13 @@ def missing_everywhere(runs: Sequence[TimedRun], name: str, wanted: str) -> Reco
     texts = {t for run in runs for t in run.texts}
     stripped = {name_and_unit(h)[0]: h for h in columns}
     near = closest(wanted, [*columns, *stripped])
-    found = f"no column {wanted!r} in any of the {len(runs)} run(s); the columns are {', '.join(columns[:30])}"
+    found = f"no column {wanted!r} in any of the {len(runs)} run(s); the columns are {listed(columns, 30)}"
     if wanted in texts:
         found = f"column {wanted!r} holds text, not numbers"
     elif any(wanted in run.clock.columns for run in runs):
         found = f"column {wanted!r} is the time column"
     return RecordingError(
-        found + (" …" if len(columns) > 30 else ""),
+        found,
         expected=f"the column of channel {name!r}" + (f" (nearest: {stripped.get(near, near)!r})" if near else ""),
         where=f"machine file, channels.{name}",
         advice="correct `column` of this channel in the machine file, or remove the channel",
