@@ -55,7 +55,7 @@ def test_no_order_needs_fewer(tolerances):
 
 
 def test_the_given_order_stays_where_none_is_better():
-    found = best_order(course, CYCLE, LENGTHS, {0: 1000.0})
+    found = best_order(course, CYCLE, LENGTHS, {0: [1000.0] * 4})
     assert (found.operations, found.corrections, found.as_given) == ((1, 2, 3, 4), 0, 0)
 
 
@@ -63,7 +63,7 @@ def test_of_many_operations_two_change_places_while_that_helps():
     parts = [(20.0, speed) for speed in (0, 2500, 0, 2500, 0, 2500, 0, 2500)]
     cycle = of_segments(*parts)
     assert len(parts) > MOST_TRIED_ALL
-    found = best_order(course, cycle, [1200.0] * len(parts), {0: 8.0})
+    found = best_order(course, cycle, [1200.0] * len(parts), {0: [8.0] * len(parts)})
     assert not found.is_exact
     assert found.corrections < found.as_given
     assert sorted(found.operations) == list(range(1, 9))

@@ -350,19 +350,18 @@ def best_order(
     course: Course,
     cyclogram: Cyclogram,
     operations_s: Sequence[float],
-    tolerances_um: Mapping[int, float | Sequence[float]],
+    tolerances_um: Mapping[int, Sequence[float]],
     resolution_s: float | None = None,
 ) -> BestOrder:
     """The order of operations whose correction programs are the shortest; of equal ones the nearest to the given one.
 
     Each operation keeps its length, its speeds and its tolerance; what comes after the last stays there, and the hall
-    moves by the clock. `tolerances_um` is the position of a response → its tolerance, one for all operations or one
-    for each [µm].
+    moves by the clock. `tolerances_um` is the position of a response → its tolerance in each operation [µm].
     """
     count = len(operations_s)
 
     def needed(order: Sequence[int]) -> float:
-        own = {r: [one[k] for k in order] if isinstance(one, Sequence) else one for r, one in tolerances_um.items()}
+        own = {r: [one[k] for k in order] for r, one in tolerances_um.items()}
         lengths = [operations_s[k] for k in order]
         return _corrections(course, reordered(cyclogram, operations_s, order), lengths, own, resolution_s)
 
@@ -386,7 +385,7 @@ def _corrections(
     course: Course,
     cyclogram: Cyclogram,
     operations_s: Sequence[float],
-    tolerances_um: Mapping[int, float | Sequence[float]],
+    tolerances_um: Mapping[int, Sequence[float]],
     resolution_s: float | None,
 ) -> float:
     """How many all displacements need together; infinite where one is too steep for the resolution."""
@@ -416,7 +415,7 @@ def best_warm_up(
     course: Course,
     cyclogram: Cyclogram,
     operations_s: Sequence[float],
-    tolerances_um: Mapping[int, float | Sequence[float]],
+    tolerances_um: Mapping[int, Sequence[float]],
     resolution_s: float | None,
     longest_s: float,
 ) -> BestWarmUp:

@@ -221,13 +221,10 @@ def predict(
     warm_up: BestWarmUp | None = None
     if operations_s is not None or tolerance_um is not None:
         lengths = [cyclogram.end_s] if operations_s is None else list(operations_s)
-        for r, name in enumerate(responses):
-            if name not in temperatures:
-                tolerance = _tolerance_of(tolerance_um, name, len(lengths))
-                programs[name] = correction_program(time, displacement[:, r], lengths, tolerance, resolution_s)
-        tolerances = {
-            r: _tolerance_of(tolerance_um, name, len(lengths)) for r, name in enumerate(responses) if name in programs
-        }
+        moving = {r: name for r, name in enumerate(responses) if name not in temperatures}
+        tolerances = {r: _tolerances_of(tolerance_um, name, len(lengths)) for r, name in moving.items()}
+        for r, name in moving.items():
+            programs[name] = correction_program(time, displacement[:, r], lengths, tolerances[r], resolution_s)
         if find_order and operations_s is not None:
             order = best_order(answer.course, cyclogram, lengths, tolerances, resolution_s)
         if warm_up_s > 0:
@@ -360,16 +357,16 @@ def _rms(error_um: Vector, time_s: Vector) -> Vector:
     return np.asarray(np.sqrt(np.trapezoid(error_um**2, time_s, axis=0) / (time_s[-1] - time_s[0])))
 
 
-def _tolerance_of(asked: Tolerance | None, response: str, operations: int) -> float | list[float]:
-    """The tolerance of one response [µm]: for all operations, or one for each."""
+def _tolerances_of(asked: Tolerance | None, response: str, operations: int) -> list[float]:
+    """The tolerance of one response in each operation [µm]."""
     told = asked.get(response, USUAL_TOLERANCE_UM) if isinstance(asked, Mapping) else asked
-    values = [USUAL_TOLERANCE_UM if told is None else float(told)] if not isinstance(told, Sequence) else [*told]
+    values = [*told] if isinstance(told, Sequence) else [USUAL_TOLERANCE_UM if told is None else float(told)]
     if len(values) not in (1, operations):
         raise OptionError(
             f"{len(values)} tolerances of {response}", expected=f"one, or {operations}: one an operation",
             where="--tolerance", advice="give as many tolerances as --operations has lengths, or a single one",
         )  # fmt: skip
-    return values if len(values) > 1 else values[0]
+    return values if len(values) == operations else values * operations
 
 
 def _usable(tests: Sequence[ThermalTest], responses: Sequence[str]) -> tuple[list[ThermalTest], list[Finding]]:
