@@ -194,11 +194,11 @@ def _of_heat(model: OwnModel) -> Iterator[Switch]:
         for exponent in _HEAT_EXPONENTS:
             law = {"reference_rpm": max(top_rpm, 1.0), "exponent": exponent}
             shape = {"exponent": Quantity(exponent, "1")}
-            yield _source(node, place, "thermal.speed_heating", "speed_w", 20.0, law, shape)
-        yield _source(node, place, "thermal.second_source", "on_w", 20.0)
-        yield _source(node, place, "thermal.second_source", "turning_w", 20.0)
+            yield _source(node, place, "thermal.speed_heating", "speed_w", law, shape)
+        yield _source(node, place, "thermal.second_source", "on_w")
+        yield _source(node, place, "thermal.second_source", "turning_w")
         if has_coolant:
-            yield _source(node, place, "thermal.coolant", "coolant_w", 20.0, is_amount=False)
+            yield _source(node, place, "thermal.coolant", "coolant_w", is_amount=False)
             if not any(node in film["area_m2"] and film.get("fluid") == "coolant" for film in films.values()):
                 yield _film(node, place, "thermal.coolant", {"while_coolant": True, "fluid": "coolant"})
         if not any(node in film["area_m2"] and film.get("fluid", "ambient") == "ambient" for film in films.values()):
@@ -214,14 +214,14 @@ def _of_heat(model: OwnModel) -> Iterator[Switch]:
 
 
 def _source(
-    node: str, place: str, id_: str, key: str, size: float, law: Mapping[str, float] | None = None,
+    node: str, place: str, id_: str, key: str, law: Mapping[str, float] | None = None,
     shape: Mapping[str, Quantity] | None = None, *, is_amount: bool = True,
 ) -> Switch:  # fmt: skip
     name = f"{NEW} {node} {key.removesuffix('_w')}"
     changes = _at(("sources",), lambda a: {name: {"shares": {node: 1.0}, key: a[0], **(law or {})}})
     fitted = [f"sources.{name}.{key}", *([f"sources.{name}.exponent"] if law else [])]
     at_rpm = law["reference_rpm"] if law else None
-    return Switch(id_, ("heat",), ("W",), (size,), changes, tuple(fitted), place, shape or {}, is_amount, at_rpm=at_rpm)
+    return Switch(id_, ("heat",), ("W",), (20.0,), changes, tuple(fitted), place, shape or {}, is_amount, at_rpm=at_rpm)
 
 
 def _film(node: str, place: str, id_: str, law: Mapping[str, Any]) -> Switch:

@@ -115,6 +115,9 @@ def fitted_parts(comparison: Comparison) -> list[slice]:
     return parts
 
 
+_NEAR_SHARE = 0.004  #: How far a line may be from where it is expected.
+
+
 def lines(
     comparison: Comparison,
     left: Vector,
@@ -122,7 +125,6 @@ def lines(
     weight: Vector,
     *,
     near: tuple[float, ...] | None = None,
-    width: float = 0.004,
     lowest: float = 0.0,
     most: int = 4,
     chance: float = CHANCE,
@@ -131,9 +133,9 @@ def lines(
 
     Of shape (n_rows,) are `left`, what is looked through, 0 where missing; `abscissa`, which grows within each run:
     time [s], or turns of the shaft; and `weight`, how the line's size goes over the rows, e.g. the square of the speed.
-    It looks only within the share `width` (or a cycle per run) of `near`, or everywhere from `lowest` on, for at most
-    `most` lines. `chance` is that noise shows one of them in the whole spectrum; what is no line is not offered to the
-    fit.
+    It looks only within the share `_NEAR_SHARE` (or a cycle per run) of `near`, or everywhere from `lowest` on, for at
+    most `most` lines. `chance` is that noise shows one of them in the whole spectrum; what is no line is not offered to
+    the fit.
     """
     parts = fitted_parts(comparison)
     noise = white_filter([left[p] for p in parts])
@@ -155,7 +157,7 @@ def lines(
     allowed = (grid >= lowest) & (grid <= ends)
     span = float(np.ptp(abscissa[parts[finest]]))
     if near is not None:
-        allowed &= np.any([np.abs(grid - o) <= max(width * o, 1.5 / span) for o in near], axis=0)
+        allowed &= np.any([np.abs(grid - o) <= max(_NEAR_SHARE * o, 1.5 / span) for o in near], axis=0)
     tried = max(int(allowed.sum()), 1)
     found: list[Line] = []
     claimed = np.zeros(len(grid), dtype=bool)
@@ -348,17 +350,12 @@ def rotating_forces(comparison: Comparison) -> Matrix:
 DAMPING = (0.005, 0.015, 0.04, 0.1)
 _PER_HALF_WIDTH = 1.2
 _NEARLY_NONE = 1e-9  #: Of a course, added to what is not in the others: it may be one of them.
+_RESONANCES = 4  #: So many are looked for at most.
 _SHARED = 1.12  #: By the ends of the window neighbouring frequencies share so much of their noise.
 
 
 def resonances(
-    comparison: Comparison,
-    left: Vector,
-    source: Vector,
-    simulated: Vector,
-    most: int = 4,
-    *,
-    behind_filter: bool = True,
+    comparison: Comparison, left: Vector, source: Vector, simulated: Vector, *, behind_filter: bool = True
 ) -> tuple[tuple[float, float], ...]:
     """(frequency [Hz], damping) of resonances that pass the source on into what is left, the clearest first.
 
@@ -386,7 +383,7 @@ def resonances(
     gains = [np.array([_explained(*looked, float(f), z) for f in grid]) for grid, z in pairs]
     limit = float(chi2.isf(CHANCE / len(hz), 2))
     found: list[tuple[float, float]] = []
-    while len(found) < most:
+    while len(found) < _RESONANCES:
         k = int(np.argmax([gain.max() for gain in gains]))
         top = int(np.argmax(gains[k]))
         if gains[k][top] <= limit:

@@ -102,7 +102,7 @@ def test_long_waiting_costs_no_more_than_its_eigenvalues():
 
 
 def test_range_nearest_to_one():
-    crossings = (Crossing(0.1, 5.0, -2), Crossing(0.5, 9.0, 2), Crossing(1.5, 20.0, -2), Crossing(90.0, 90.0, 2))
+    crossings = (Crossing(0.1, -2), Crossing(0.5, 2), Crossing(1.5, -2), Crossing(90.0, 2))
     assert stable_factors(crossings, 2) == (1.5, 90.0)
     assert stable_factors(crossings[:3], 2) == (1.5, None)
     assert stable_factors(crossings[:2], 2) == (0.1, 0.5)

@@ -339,10 +339,10 @@ def _scaled(fit: CircleFit, name: str, factor: float, unit: str) -> Amount:
     return Amount(float(values[0]) * factor, math.sqrt(float(covariance[0, 0])) * abs(factor), unit)
 
 
-def _weighted(fit: CircleFit, names: Sequence[str], weights: Sequence[float], unit: str) -> Amount:
+def _weighted(fit: CircleFit, names: Sequence[str], weights: Sequence[float]) -> Amount:
     values, covariance = fit.amounts(*names)
     w = np.array(weights)
-    return Amount(float(w @ values), math.sqrt(float(w @ covariance @ w)), unit)
+    return Amount(float(w @ values), math.sqrt(float(w @ covariance @ w)), "µm")
 
 
 def _radius(pair: CirclePair, fit: CircleFit) -> dict[str, Amount]:
@@ -358,7 +358,7 @@ def _of_ends(fit: CircleFit, ends: Sequence[str]) -> dict[str, Amount]:
     return {
         "at the positive end": _scaled(fit, ends[0], 1.0, "µm"),
         "at the negative end": _scaled(fit, ends[1], 1.0, "µm"),
-        "mean": _weighted(fit, ends, (0.5, 0.5), "µm"),
+        "mean": _weighted(fit, ends, (0.5, 0.5)),
     }
 
 
@@ -384,7 +384,7 @@ def _cyclic(fit: CircleFit, axis: int, waves: Sequence[str]) -> dict[str, Amount
     values, _ = fit.amounts(*waves)
     size = float(np.hypot(values[0], values[1]))
     direction = values / size if size > 0 else np.array([1.0, 0.0])
-    along = _weighted(fit, waves, [float(one) for one in direction], "µm")
+    along = _weighted(fit, waves, [float(one) for one in direction])
     return {
         "amplitude": Amount(size, along.standard_error, "µm"),
         "wavelength": _shape(fit, f"cyclic {axis} wavelength", fit.shapes.wavelength_um[axis] * 1e-3, "mm"),

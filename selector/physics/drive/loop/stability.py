@@ -40,7 +40,6 @@ class Crossing:
     """Poles that reach the edge of stability."""
 
     factor: float  #: On the gain
-    rad_per_s: float  #: Where on the edge [rad/s]
     #: How many poles more grow with a larger factor: 2 of a pair, 1 where a sampled loop swings from sample to sample;
     #: negative if fewer
     grow: int
@@ -73,7 +72,7 @@ def gain_crossings(axis: Axis, gain: str, poles: Complex) -> tuple[Crossing, ...
         with np.errstate(all="ignore"):
             factor = float(-(denominator / numerator).real[0])
         if np.isfinite(factor) and factor > 0:
-            crossings.append(Crossing(factor, float(frequency), int(grow)))
+            crossings.append(Crossing(factor, int(grow)))
     return tuple(sorted(crossings, key=lambda one: one.factor))
 
 

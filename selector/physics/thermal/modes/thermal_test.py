@@ -6,6 +6,7 @@ from functools import cached_property
 from itertools import groupby
 
 import numpy as np
+import pandas as pd
 
 from selector.errors import InputError, OptionError
 from selector.physics.thermal.modes.cyclogram import Cyclogram
@@ -69,11 +70,8 @@ def thermal_tests(recording: Recording, responses: Sequence[str]) -> tuple[Therm
 
 def held(values: Vector) -> Vector:
     """Missing values take the one before them, at the beginning the first that is there; all missing means 0."""
-    there = np.isfinite(values)
-    if there.all() or not there.any():
-        return np.nan_to_num(values)
-    last = np.maximum.accumulate(np.where(there, np.arange(len(values)), -1))
-    return values[np.where(last < 0, int(np.argmax(there)), last)]
+    known = pd.Series(values).where(np.isfinite(values))
+    return np.asarray(known.ffill().bfill().fillna(0.0), dtype=np.float64)
 
 
 FINEST = 2.0**-20  #: Step [µm, K] to which readings count: far below what a gauge resolves.

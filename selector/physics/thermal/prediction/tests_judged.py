@@ -284,9 +284,7 @@ def _opposite(tests: Sequence[ThermalTest], r: int) -> Iterator[str]:
 def _worse(repeats: Sequence[RepeatedTest], r: int) -> dict[str, tuple[float, float]]:
     errors = np.array([float(one.rmse_um[r]) for one in repeats])
     found = {}
-    for k, one in enumerate(repeats):
-        if len(errors) < 3:
-            break
+    for k, one in enumerate(repeats if len(repeats) > 2 else ()):
         usual = float(np.median(np.delete(errors, k)))
         course = one.measured_um[np.isfinite(one.measured_um[:, r]), r]
         # a tenth of what it moves: smaller differences are those of speeds and methods
