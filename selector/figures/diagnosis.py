@@ -14,6 +14,7 @@ from selector.diagnosis.wording import amount, name_of
 from selector.figures import style
 from selector.figures.panels import Line, Panel, stacked
 from selector.number_text import number_text
+from selector.physics.ranges import true_stretches
 from selector.types import Vector
 
 _GAP = 0.015
@@ -53,12 +54,10 @@ class RunAxis:
         """Stretches of the axis that nothing was fitted to."""
         found = []
         for start, (_, rows) in zip(self.starts_s, self._comparison.rows_of_runs(), strict=True):
-            held = np.concatenate([[False], self._comparison.held_out[rows], [False]])
             time = self._comparison.time_s[rows] - self._comparison.time_s[rows][0]
-            edges = np.flatnonzero(np.diff(held.astype(np.int8)))
             found += [
                 (start + float(time[a]), start + float(time[b - 1]))
-                for a, b in zip(edges[::2], edges[1::2], strict=True)
+                for a, b in true_stretches(self._comparison.held_out[rows])
                 if b - a > 1
             ]
         return found

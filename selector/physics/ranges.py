@@ -1,6 +1,15 @@
-"""Ranges of frequencies, lengths or times that overlap."""
+"""Ranges of frequencies, lengths, times or rows: those that overlap, and those in which something holds."""
 
 from collections.abc import Iterable
+
+import numpy as np
+
+from selector.types import Indices, Mask
+
+
+def true_stretches(mask: Mask) -> Indices:
+    """First row, and the one behind the last, of every stretch in which a mask holds; shape (n_stretches, 2)."""
+    return np.flatnonzero(np.diff(np.r_[False, mask, False])).reshape(-1, 2)
 
 
 def joined(ranges: Iterable[tuple[float, float]], apart: float = 0.0) -> list[tuple[float, float]]:

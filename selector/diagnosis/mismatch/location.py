@@ -12,6 +12,7 @@ from selector.diagnosis.answer import Place
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.mismatch.background import background, seen_rows, spectrum
 from selector.diagnosis.shapes.signals import course, excited, rate
+from selector.physics.ranges import true_stretches
 from selector.types import Mask, Vector
 
 _MOVING = ("velocity", "feed_rate")
@@ -267,8 +268,7 @@ def active_windows(comparison: Comparison, response: str, course: Vector) -> tup
     total = float(np.sum(clean[active] ** 2)) or 1.0
     places = []
     for run, rows in comparison.rows_of_runs():
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], active[rows].astype(np.int8), [0]])))
-        for first, end in zip(edges[::2], edges[1::2], strict=True):
+        for first, end in true_stretches(active[rows]):
             window = slice(rows.start + first, rows.start + end)
             share = float(np.sum(clean[window] ** 2)) / total
             if share < _TRIFLE:

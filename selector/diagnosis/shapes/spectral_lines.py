@@ -13,6 +13,7 @@ from scipy.stats import chi2, gamma
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import EvenRun, course, even_runs, excited, on_even_clock
+from selector.physics.ranges import true_stretches
 from selector.types import Matrix, Vector
 
 _ORDER = 12
@@ -105,13 +106,9 @@ def fitted_parts(comparison: Comparison) -> list[slice]:
     """Of every run the longest stretch of rows that may be fitted to; an empty slice where there is none."""
     parts = []
     for _, rows in comparison.rows_of_runs():
-        free = np.r_[False, ~comparison.held_out[rows], False]
-        begins, ends = np.flatnonzero(~free[:-1] & free[1:]), np.flatnonzero(free[:-1] & ~free[1:])
-        if len(begins) == 0:
-            parts.append(slice(rows.start, rows.start))
-            continue
-        k = int(np.argmax(ends - begins))
-        parts.append(slice(rows.start + int(begins[k]), rows.start + int(ends[k])))
+        free = true_stretches(~comparison.held_out[rows]).tolist()
+        begin, end = max(free, key=lambda one: one[1] - one[0], default=(0, 0))
+        parts.append(slice(rows.start + begin, rows.start + end))
     return parts
 
 

@@ -11,7 +11,7 @@ from selector.figures.panels import Line, Panel, stacked
 from selector.number_text import number_text
 from selector.physics.drive.drive_summary import LINEAR, Measures
 from selector.physics.drive.trajectory import Motion
-from selector.physics.ranges import joined
+from selector.physics.ranges import joined, true_stretches
 from selector.types import Mask, Vector
 
 COMMANDED, TABLE, ERROR, OUTPUT = style.MUTED, style.PREDICTED, style.RESIDUAL, style.CHOSEN
@@ -120,8 +120,7 @@ def stretches(time_s: Vector, mask: Mask) -> list[tuple[float, float]]:
     """
     if not mask.any():
         return []
-    edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
-    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    starts, ends = true_stretches(mask).T
     end_s = time_s[np.minimum(ends, len(time_s) - 1)]
     least = SHORTEST_SPAN * float(time_s[-1] - time_s[0])
     return joined(zip(time_s[starts].tolist(), end_s.tolist(), strict=True), least)

@@ -7,7 +7,6 @@ sources and chains are added.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from selector.errors import InputError, Misfit
 from selector.physics.checks import Checked
+from selector.physics.ranges import true_stretches
 from selector.physics.vibration.rounding import above
 from selector.physics.vibration.structure.source import Source
 from selector.physics.vibration.structure.structure import (
@@ -340,7 +340,6 @@ def _agreement(frequency_hz: Vector, amplitude: Complex, reference: Complex) -> 
     ratio = amplitude / np.where(np.abs(reference) < floor, floor, reference)
     error = np.abs(ratio - 1.0)
     inside = error <= WITHIN
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     largest = int(np.argmax(error))
     ratio.setflags(write=False)
     return Agreement(
@@ -350,7 +349,7 @@ def _agreement(frequency_hz: Vector, amplitude: Complex, reference: Complex) -> 
         largest_error=float(error[largest]),
         largest_at_hz=float(frequency_hz[largest]),
         bands_hz=tuple(
-            (float(frequency_hz[begin]), float(frequency_hz[end - 1])) for begin, end in list(pairwise(edges))[::2]
+            (float(frequency_hz[begin]), float(frequency_hz[end - 1])) for begin, end in true_stretches(inside)
         ),
     )
 

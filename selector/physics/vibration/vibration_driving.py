@@ -10,6 +10,7 @@ from selector.findings import Finding, Where
 from selector.physics.channel_differences import as_recorded, clock_jitter
 from selector.physics.checks import errors_name, require_within
 from selector.physics.model_text import key_text
+from selector.physics.ranges import true_stretches
 from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.model_file import file_shafts, mean_rpm
@@ -342,15 +343,14 @@ class _DrivenRun:
         return values
 
     def _bridged(self, channel: str, lacks: Mask) -> Finding:
-        edges = np.flatnonzero(np.diff(np.r_[False, lacks, False].astype(np.int8)))
-        begin, longest = max(zip(edges[::2], edges[1::2] - edges[::2], strict=True), key=lambda one: int(one[1]))
-        first, last = max(int(begin) - 1, 0), min(int(begin + longest), len(lacks) - 1)
+        begin, end = max(true_stretches(lacks).tolist(), key=lambda one: one[1] - one[0])
+        first, last = max(begin - 1, 0), min(end, len(lacks) - 1)
         return FINDINGS.finding(
             "input-bridged",
-            f"{channel} lacks {lacks.sum()} of {len(lacks)} values, up to {longest} in a row: "
+            f"{channel} lacks {lacks.sum()} of {len(lacks)} values, up to {end - begin} in a row: "
             "put in from those before and after.",
             Where(channel=channel, from_s=float(self.time_s[first]), to_s=float(self.time_s[last])),
-            {"missing": int(lacks.sum()), "longest": int(longest)},
+            {"missing": int(lacks.sum()), "longest": end - begin},
         )
 
 

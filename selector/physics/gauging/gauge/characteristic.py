@@ -13,6 +13,7 @@ from selector.findings import Finding
 from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.gauge.transducer import LinearGauge, Transducer
 from selector.physics.gauging.gauge.vibrating_contact import IRREGULAR_ROUNDS, SteadySwing, steady_swing
+from selector.physics.ranges import true_stretches
 from selector.types import Mask, Vector
 
 POINTS = 60
@@ -66,15 +67,14 @@ class Characteristic:
     @cached_property
     def _monotone(self) -> tuple[int, int]:
         falls = np.diff(self.voltage_v) < -_FALLS * np.abs(self.voltage_v).max()
-        ends = np.flatnonzero(np.diff(np.concatenate([[0], falls.astype(np.int64), [0]])))
-        if not len(ends):
+        if not falls.any():
             raise InputError(
                 f"a voltage that falls nowhere from {self.allowance_um[0]:g} to {self.allowance_um[-1]:g} µm",
                 expected="a voltage that falls with the allowance",
                 where="characteristic",
                 advice="let the swing reach the workpiece: rest_gap_m, voltage_v of the magnet",
             )
-        starts, stops = ends[::2], ends[1::2]
+        starts, stops = true_stretches(falls).T
         longest = int(np.argmax(self.allowance_um[stops] - self.allowance_um[starts]))
         return int(starts[longest]), int(stops[longest])
 
