@@ -115,8 +115,10 @@ class Processes:
                     # a Ctrl-C while it loads is no affair of its own: it would print where it was
                     resource_tracker.ensure_running()  # unblocks it
                     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-                    forkserver.ensure_running()
-                    signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+                    try:
+                        forkserver.ensure_running()
+                    finally:
+                        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
                 process.start()
                 break
             except (EOFError, OSError):

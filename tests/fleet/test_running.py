@@ -313,6 +313,20 @@ class TestProcesses:
         assert blocked >> (signal.SIGINT - 1) & 1
         assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
+    def test_ctrl_c_is_heard_again_where_the_server_cannot_be_started(self, workers, monkeypatch):
+        def none():
+            raise BlockingIOError(errno.EAGAIN, "too many processes")
+
+        monkeypatch.setattr("selector.fleet.workers._BIRTH_WAIT_S", 0.0)
+        monkeypatch.setattr("multiprocessing.forkserver.ensure_running", none)
+        heard = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+        try:
+            with pytest.raises(BlockingIOError):
+                workers._new()
+            assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == heard
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
+
     def test_one_that_is_stopped_never_answers(self, workers, tmp_path):
         machine(tmp_path / "m", 1)
         workers.start(self.task(tmp_path))
