@@ -182,3 +182,19 @@ def test_an_axis_that_machines_rarely_have_is_told(tmp_path: Path, axis: str, is
     found = [one for one in reading.findings if one.id == "axis-unusual"]
     assert [(one.where.channel, one.evidence["axis"]) for one in found] == [("Grow_um", axis)] * is_told
     assert of_axis(axis.upper(), reading.recording.channels) == "Grow_um"
+
+
+@pytest.mark.parametrize(
+    ("column", "found"),
+    [("note", "column 'note' holds text, not numbers"), ("t [s]", "column 't [s]' is the time column")],
+)
+def test_a_column_that_holds_no_channel_is_told_without_a_list_of_columns(
+    tmp_path: Path, column: str, found: str
+) -> None:
+    names = [f"T{k} [degC]" for k in range(40)]
+    rows = [",".join([str(s), "cold", *(str(20.0 + 0.1 * s + k) for k in range(40))]) for s in range(20)]
+    (tmp_path / "r.csv").write_text("\n".join([",".join(["t [s]", "note", *names]), *rows]))
+    of_one = f"[channels.X]\ncolumn = '{column}'\nrole = 'temperature'\nunit = 'degC'"
+    with pytest.raises(RecordingError) as error:
+        read([tmp_path / "r.csv"], machine=machine_from_text(of_one, "machine.toml"))
+    assert error.value.found == found
