@@ -62,13 +62,13 @@ def page(bench: Bench, access: Access) -> dash.Dash:
 def _frame(bench: Bench) -> Component:
     tabs = [html.A(one.TITLE, href=f"#{one.ID}", id=f"to-{one.ID}", className="tab") for one in PAGES]
     sheets = [
-        html.Div(one.layout(bench), id=f"page-{one.ID}", hidden=position > 0) for position, one in enumerate(PAGES)
+        html.Div(None if k else one.layout(bench), id=f"page-{one.ID}", hidden=k > 0) for k, one in enumerate(PAGES)
     ]
     unseen = [
         dcc.Location(id="address", refresh=False),
         dcc.Store(id=parts.REVISION, data=bench.revision),
         *(dcc.Store(id=name, data=-1) for name in ("look", "tick", _NOTICED)),
-        dcc.Store(id=parts.AWAITED, data=None),
+        *(dcc.Store(id=name, data=None) for name in (parts.AWAITED, "lacking")),
     ]
     head = [
         html.Div([html.Strong("selector"), " workbench"], title=f"selector {__version__}"),
@@ -84,9 +84,8 @@ def _frame(bench: Bench) -> Component:
         html.Span(id="saved", className="about", role="status"),
     ]
     status = html.Div(id="status", role="status", **parts.marks(aria_live="polite"))
-    main = html.Main(sheets)
     foot = html.Footer([status, html.Div(by_hand, id="by-hand")])
-    return html.Div([*unseen, html.Header(head), main, foot], id="workbench")
+    return html.Div([*unseen, html.Header(head), html.Main(sheets), foot], id="workbench")
 
 
 def _register(app: dash.Dash, bench: Bench) -> None:
@@ -94,8 +93,15 @@ def _register(app: dash.Dash, bench: Bench) -> None:
         ClientsideFunction("workbench", "turned"),
         [Output(f"page-{one.ID}", "hidden") for one in PAGES],
         [Output(f"to-{one.ID}", "className") for one in PAGES],
+        Output("lacking", "data"),
         Input("address", "hash"),
     )
+
+    places = [Output(f"page-{one.ID}", "children") for one in PAGES[1:]]
+
+    @app.callback(places, Input("lacking", "data"), prevent_initial_call=True)
+    def _make(lacking: str) -> list[Any]:
+        return [one.layout(bench) if lacking == one.ID else dash.no_update for one in PAGES[1:]]
 
     app.clientside_callback(ClientsideFunction("workbench", "awaits"), Input(parts.AWAITED, "data"))
 

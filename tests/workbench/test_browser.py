@@ -368,6 +368,8 @@ def test_a_foreign_page_cannot_use_the_cookie(page, served, study, tmp_path):
 
 
 def test_an_empty_workbench_by_keyboard_and_a_running_command_is_cancelled(page, bench, study):
+    # pages are made when they are shown: what nobody looks at costs nothing
+    assert page.locator("main > div:not(:empty)").count() == 1
     page.locator("#to-selection").focus()
     page.keyboard.press("Enter")
     page.get_by_role("heading", name="Selection of sensors").wait_for()

@@ -12,7 +12,7 @@ from selector.study import DiagnoseSection
 from selector.workbench.access import Access
 from selector.workbench.bench import Bench
 from selector.workbench.commands import Export
-from selector.workbench.page import page
+from selector.workbench.page import PAGES, page
 from tests.patience import wait_for
 from tests.workbench import studies
 
@@ -52,9 +52,11 @@ def send(client, request: dict):
     return client.post("/_dash-update-component", base_url=OWN, data=text, content_type="application/json")
 
 
-def asked(app, client) -> list[dict]:
+def asked(app, client, bench) -> list[dict]:
     """Every callback that the server runs: as the page asks it, in turn with one value that is wrong."""
-    fields = {one.id: one for one in app.layout()._traverse() if isinstance(getattr(one, "id", None), str)}
+    layouts = [app.layout(), *(one.layout(bench) for one in PAGES[1:])]
+    components = [one for layout in layouts for one in layout._traverse()]
+    fields = {one.id: one for one in components if isinstance(getattr(one, "id", None), str)}
     return [
         request
         for one in client.get("/_dash-dependencies", base_url=OWN).get_json()
@@ -113,7 +115,7 @@ def of_right_kinds(bench) -> bool:
 
 
 def test_values_of_wrong_kinds_are_neither_kept_nor_a_failure(app, client, bench):
-    requests = asked(app, client)
+    requests = asked(app, client, bench)
     assert len(requests) > 400
     for request in requests:
         answer = send(client, request)
@@ -143,7 +145,7 @@ def test_what_was_refused_is_not_started_with_what_counted_before(app, client, b
     started = []
     monkeypatch.setattr(bench, "start", lambda *of: started.append(of))
     before = kept(bench)
-    start = next(one for one in asked(app, client) if one["changedPropIds"] == [f"{page}-start.n_clicks"])
+    start = next(one for one in asked(app, client, bench) if one["changedPropIds"] == [f"{page}-start.n_clicks"])
     right = {"export-invert": [], "export-target": "c", "sensors-use": "may be used"}
     start["inputs"][0]["value"] = 1
     for said in start["state"]:
@@ -159,8 +161,8 @@ def test_what_was_refused_is_not_started_with_what_counted_before(app, client, b
     assert kept(bench) == before
 
 
-def test_a_value_of_a_wrong_kind_says_what_is_wrong(app, client):
-    body = next(one for one in asked(app, client) if "selection-responses" in str(one["inputs"]))
+def test_a_value_of_a_wrong_kind_says_what_is_wrong(app, client, bench):
+    body = next(one for one in asked(app, client, bench) if "selection-responses" in str(one["inputs"]))
     body["inputs"][0]["value"] = "Z"
     answer = send(client, body).text
     assert "a valid list" in answer
@@ -170,7 +172,7 @@ def test_a_value_of_a_wrong_kind_says_what_is_wrong(app, client):
 
 def test_a_page_that_is_behind_takes_no_chosen_machine_away(app, client, bench):
     bench.choose_simulation(kind="thermal", model="c-frame.toml")
-    choice = next(one for one in asked(app, client) if one["changedPropIds"] == ["simulation-kind.value"])
+    choice = next(one for one in asked(app, client, bench) if one["changedPropIds"] == ["simulation-kind.value"])
     for of, value in zip(choice["inputs"], ("thermal", None), strict=True):
         of["value"] = value
     assert send(client, choice).status_code in (200, 204)

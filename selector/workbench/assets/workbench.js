@@ -3,29 +3,31 @@
 
 window.dash_clientside = Object.assign({}, window.dash_clientside, {
   workbench: {
-    // which page is hidden, and the class of its tab
+    // which page is hidden, the class of its tab, and the page that has to be made: it is shown for the first time
     turned(hash) {
       const tabs = Array.from(document.querySelectorAll("header a.tab"));
       const ids = tabs.map((tab) => tab.getAttribute("href"));
       const shown = ids.includes(hash) ? hash : ids[0];
       // what was drawn while it was hidden has no width yet
       setTimeout(() => window.dispatchEvent(new Event("resize")), 50);
-      return [ids.map((id) => id !== shown), ids.map((id) => (id === shown ? "tab here" : "tab"))].flat();
+      const name = shown.slice(1);
+      const lacking = document.getElementById(`page-${name}`).childElementCount ? window.dash_clientside.no_update : name;
+      return [ids.map((id) => id !== shown), ids.map((id) => (id === shown ? "tab here" : "tab")), lacking].flat();
     },
     // goes to where the answer of a page will stand, and again when it does
     awaits(asked) {
       if (!asked) return;
       const [page] = asked;
       window.location.hash = `#${page}`;
-      const place = document.getElementById(`${page}-answer`);
-      const go = () => place.scrollIntoView({ block: "start" });
+      // the page may have to be made first
+      const go = () => document.getElementById(`${page}-answer`)?.scrollIntoView({ block: "start" });
       setTimeout(go, 100);
       const watched = new MutationObserver(() => {
-        if (!place.querySelector("section, [role=alert]")) return;
+        if (!document.querySelector(`#${page}-answer :is(section, [role=alert])`)) return;
         watched.disconnect();
         go();
       });
-      watched.observe(place, { childList: true });
+      watched.observe(document.getElementById(`page-${page}`), { childList: true, subtree: true });
     },
   },
 });

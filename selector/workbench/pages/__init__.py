@@ -33,7 +33,7 @@ class Page(Protocol):
         """Its tab."""
 
     def layout(self, bench: Bench) -> Component:
-        """What it looks like when the browser opens it, made anew for every visit, from the bench."""
+        """What it looks like when the browser shows it first, made anew for every visit, from the bench."""
 
     def register(self, app: dash.Dash, bench: Bench) -> None:
         """Its callbacks. They read and change `bench` and keep nothing themselves."""

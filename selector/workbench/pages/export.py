@@ -46,9 +46,8 @@ def _boxes(bench: Bench) -> Boxes:
     def shown(_: Any) -> list[str]:
         return [str(path) for path in _replayed(bench)]
 
-    models = Box(
-        "model", "Model", read=lambda model: model or "", control=partial(_menu, []), offered=lambda: _models(bench)
-    )
+    offered = partial(_models, bench)
+    models = Box("model", "Model", "", lambda of: of or "", control=partial(_menu, offered()), offered=offered)
     note = "The program is executed on them and compared with the model, sample by sample."
     targets = [{"label": target.title, "value": name} for name, target in TARGETS.items()]
     target = one_of("target", "Control", list(TARGETS))

@@ -63,11 +63,8 @@ class MeasuredPage:
         """What is typed or chosen goes to the bench at once."""
         form = self._boxes(bench).register(app, bench)
         missing = OptionError(self.lacking, expected=self.expected, where=self.TITLE, advice="choose it above")
-        parts.register_task(
-            app,
-            bench,
-            parts.Task(self.ID, self.TITLE, self.command, lambda _: self.ID, missing, [form], answered=self._answered),
-        )
+        how = (self.command, lambda _: self.ID, missing, [form])
+        parts.register_task(app, bench, parts.Task(self.ID, self.TITLE, *how, answered=self._answered))
 
     def _boxes(self, bench: Bench) -> Boxes:
         def offered() -> list[Any]:

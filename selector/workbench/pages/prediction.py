@@ -129,9 +129,8 @@ def register(app: dash.Dash, bench: Bench) -> None:
         where=TITLE,
         advice="load tests on the first page, and draw the cycle here",
     )
-    parts.register_task(
-        app, bench, parts.Task(ID, TITLE, _started, lambda _: PREDICTION, missing, [steps, form], answered=_answered)
-    )
+    task = parts.Task(ID, TITLE, _started, lambda _: PREDICTION, missing, [steps, form], answered=_answered)
+    parts.register_task(app, bench, task)
 
 
 def _started(bench: Bench) -> tuple[str, ...] | None:

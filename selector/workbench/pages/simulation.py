@@ -31,10 +31,9 @@ _FILES = (("report.html", "Report"), ("run.csv", "Recording"), ("run.machine.tom
 def layout(bench: Bench) -> Component:
     """Kind, machine, parameters beside the pictures, Start."""
     asked = bench.simulation
-    kinds = list(simulation_kinds())
-    machine = dcc.Dropdown(id=f"{ID}-model", options=[], value=asked.model or None, clearable=False)
+    machine = dcc.Dropdown(bench.models(asked.kind), asked.model or None, id=f"{ID}-model", clearable=False)
     fields = [
-        parts.field("What is simulated", parts.choice(f"{ID}-kind", kinds, asked.kind)),
+        parts.field("What is simulated", parts.choice(f"{ID}-kind", list(simulation_kinds()), asked.kind)),
         parts.field("Machine", machine),
     ]
     drop = parts.drop_zone(
