@@ -12,8 +12,10 @@ from pathlib import Path
 import pytest
 
 from selector.shipped import shipped
+from selector.workbench.access import MOST_REQUEST_BYTES
 from selector.workbench.bench import Bench
 from selector.workbench.server import started
+from tests.patience import wait_for
 
 api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
@@ -102,6 +104,26 @@ def test_from_a_file_to_a_report(page, bench, study, tmp_path):
     assert len(asked["chosen"]["sensors"]) <= 2
 
 
+def marks_a_stretch(page, sheet) -> None:
+    """What is marked in one picture over time is marked in all of them, with the mouse and with the keyboard."""
+    plots = sheet.locator("[aria-label^='Picture over time']")
+    plots.first.locator(".main-svg").first.wait_for()
+    assert plots.count() >= 2
+    plots.first.scroll_into_view_if_needed()
+    box = plots.first.bounding_box()
+    shapes = "(plots) => plots.map((plot) => plot.layout.shapes.filter((one) => one.layer === 'above').length)"
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"], steps=4)
+    page.mouse.up()
+    wait_for(lambda: plots.evaluate_all(shapes) == [1] * plots.count())
+    plots.first.focus()
+    page.keyboard.press("Escape")
+    wait_for(lambda: plots.evaluate_all(shapes) == [0] * plots.count())
+    page.keyboard.press("ArrowRight")
+    wait_for(lambda: plots.evaluate_all(shapes) == [1] * plots.count())
+
+
 def test_a_diagnosis_and_an_export(page, bench, study):
     """Simulated runs are sent, compared, and the model that comes out is exported."""
     for run in ("r1", "r2", "r3"):
@@ -114,7 +136,9 @@ def test_a_diagnosis_and_an_export(page, bench, study):
     page.get_by_text("--simulation simulation").wait_for()
     page.locator("#page-diagnosis").get_by_role("button", name="Start").click()
     page.locator("#page-diagnosis").get_by_text("memory of past heating").first.wait_for()
-    page.locator("#page-diagnosis").frame_locator("iframe.sheet").get_by_role("cell", name="Z").first.wait_for()
+    sheet = page.frame_locator("#page-diagnosis iframe.sheet")
+    sheet.get_by_role("cell", name="Z").first.wait_for()
+    marks_a_stretch(page, sheet)
 
     page.locator("#to-export").click()
     page.get_by_text("export diagnosis/model.json --for c").wait_for()
@@ -318,12 +342,12 @@ def test_names_are_text(page, bench, tmp_path):
     page.wait_for_timeout(300)  # a dialog would have come by now; the fixture asserts that none did
 
 
-def test_a_file_of_30_mb(page, bench, study, tmp_path):
+def test_a_file_that_is_larger_than_any_other_request_may_be(page, bench, study, tmp_path):
     line = "," + ",".join(f"{20 + k / 7:.4f}" for k in range(20)) + "\n"
     with (tmp_path / "large.csv").open("w", encoding="utf-8") as file:
         file.write("time_s," + ",".join(f"T{k}" for k in range(20)) + "\n")
         count = 0
-        while file.tell() < 30_000_000:
+        while file.tell() < 1.2 * MOST_REQUEST_BYTES:
             file.write("".join(f"{count + k}{line}" for k in range(5000)))
             count += 5000
     send(page, tmp_path / "large.csv")

@@ -300,32 +300,6 @@ def test_recordings_are_compared_with_the_machine_of_the_page_simulate(page, ben
     assert bench.simulated == ()
 
 
-def test_a_stretch_is_marked_in_all_pictures_of_a_diagnosis(page, bench):
-    page.get_by_role("button", name="Simulated: 3 runs, and a simulation").click()
-    page.get_by_text("The first lines of the file").wait_for()
-    page.locator("#to-diagnosis").click()
-    page.get_by_text("--simulation simulation").wait_for()
-    page.locator("#diagnosis-start").click()
-    page.locator("#diagnosis-answer").get_by_role("heading", name="The answer").wait_for()
-    frame = page.frame_locator("#diagnosis-answer iframe")
-    plots = frame.locator("[aria-label^='Picture over time']")
-    plots.first.locator(".main-svg").first.wait_for()
-    assert plots.count() >= 2
-    plots.first.scroll_into_view_if_needed()
-    box = plots.first.bounding_box()
-    shapes = "(plots) => plots.map((plot) => plot.layout.shapes.filter((one) => one.layer === 'above').length)"
-    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.5 * box["height"])
-    page.mouse.down()
-    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"], steps=4)
-    page.mouse.up()
-    wait_for(lambda: plots.evaluate_all(shapes) == [1] * plots.count())
-    plots.first.focus()
-    page.keyboard.press("Escape")
-    wait_for(lambda: plots.evaluate_all(shapes) == [0] * plots.count())
-    page.keyboard.press("ArrowRight")
-    wait_for(lambda: plots.evaluate_all(shapes) == [1] * plots.count())
-
-
 def test_neither_a_refusal_nor_the_focus_is_hidden_by_head_or_foot(page):
     """Both stick to the window, and are as many lines high as its width and the command make them."""
     page.get_by_role("button", name="Simulated: a machining centre").click()
