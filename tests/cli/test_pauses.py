@@ -99,7 +99,8 @@ def test_the_same_is_predicted_from_both(shop, capsys):
         answer(shop, capsys, "apply", shop / "whole.out/model.json", shop / name, "--out", file)
     assert predicted[0].read_bytes() == predicted[1].read_bytes()
     (shop / "cycle.csv").write_text("time_s,spindle_speed\n0,3000\n7200,0\n10800,0\n", encoding="utf-8")
-    days = [answer(shop, capsys, "predict", shop / name, "--cycle", shop / "cycle.csv") for name in ("whole", "apart")]
+    two_days = [[shop / "whole/second.csv"], [shop / f"apart/second {k}.csv" for k in (1, 2)]]
+    days = [answer(shop, capsys, "predict", *files, "--cycle", shop / "cycle.csv") for files in two_days]
     assert days[0]["displacement_um"] == days[1]["displacement_um"]
 
 
