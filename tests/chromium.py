@@ -1,8 +1,9 @@
 """One browser for all tests of a folder that a process of the suite runs: its start takes 1.4 s of CPU.
 
 `time` and `getrusage` leave out what its renderers compute, for which no parent waits: of 36 tests in a browser, busy
-machine, they tell 134 s of CPU, of 409 s, 259 s of them in renderers. So `make test` takes longer than half of what
-they tell. A page of the workbench costs 3 s before its test begins: claims of one page are cheaper in one test.
+machine, they told 134 s of CPU, of 409 s, 259 s of them in renderers. So `make test` takes longer than half of what
+they tell; a group of processes (cgroup) counts all. A page of the workbench costs 2 s before its test begins, and what
+a command costs that is started there: claims of one page are cheaper in one test.
 """
 
 from __future__ import annotations
