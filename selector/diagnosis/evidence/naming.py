@@ -103,9 +103,8 @@ _GUESS = 0.1  #: Confidence below which a name says next to nothing.
 #: Weights, and how often names of such a weight are right: 102 names of real recordings, 203 of development seeds, and
 #: 451 of an exam that was over.
 _RIGHT = (0.0, 0.5, 0.7, 0.85, 1.0), (0.0, 0.5, 0.75, 0.9, 0.96)
-#: Nats that a smooth misfit of a per cent gains for some effect, too, and how sure what gains less is at most where it
-#: explains little and unseen rows leave no gap to judge it by.
-_BY_A_MISFIT, _OFTEN = 20.0, 0.75
+#: How sure what explains little is at most, unless it surely closes so much of the gap on unseen rows.
+_OFTEN, _SURELY_CLOSED = 0.75, 0.25
 _FAR_ABOVE = 4.0
 _ONE_SPEED = 0.1  #: Of the usual speed, by which it differs at most.
 #: What parameters of a simulation of heat that are a few per cent off look like, and the part of the movement below
@@ -147,7 +146,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     if gap is not None and gap.high is not None and (share < MOST_OF_IT or id_.startswith("data.")):
         # no surer than the names are shown to carry on unseen rows
         confidence = min(confidence, gap.high)
-    if gap is None and share < TENTH and standing.score < _BY_A_MISFIT:
+    if share < TENTH and id_ != "data.stuck" and (gap is None or gap.low is None or gap.low < _SURELY_CLOSED):
         confidence = min(confidence, _OFTEN)
     # with nothing meant to be kept nothing is lacking
     held = comparison.held_out
