@@ -159,6 +159,7 @@ ROWS: dict[str, tuple[int, Warm, Options, float]] = {
     "warm, 6 runs": (6, lambda _: True, Options(max_sensors=4), 0.0),
     "cold, 6 runs, hidden body, memory": (6, lambda _: False, Options(max_sensors=4, memory=True), 1.0),
     "warm, 6 runs, hidden body, memory": (6, lambda _: True, Options(max_sensors=4, memory=True), 1.0),
+    "one after the other, 6 runs": (6, None, Options(max_sensors=4), 0.0),
     "one after the other, 6 runs, hidden body, memory": (6, None, Options(max_sensors=4, memory=True), 1.0),
     "warm, 3 runs, hidden body, memory": (3, lambda _: True, Options(max_sensors=4, memory=True), 1.0),
     "every second warm, 4 runs, hidden body, memory": (4, lambda k: k % 2 == 1, Options(memory=True), 1.0),

@@ -3,9 +3,9 @@
 python -m benchmarks.bench_real_promises FOLDER [--results FILE] [--sets a,b] [--apart | --seen] [--draws 2] [--memory]
 
 FOLDER is what `benchmarks.real.promise_sets` has written. Of every set, 3, 4, 6 and 10 runs are given to `select` with
-its defaults, the first ones and some drawn by chance; what it stores is applied to all other runs (to later ones of the
-first), as `selector apply` does. Told is the error of the whole procedure, with the factor to which it is known; true is
-what is left of the other runs. FILE keeps the answers, a line of JSON each: what is there is not asked again.
+its defaults, the first ones and some drawn by chance; what it stores is applied to all other runs (to later ones of
+the first), as `selector apply` does. Told is the error of the whole procedure, with the factor to which it is known;
+true is what is left of the other runs. FILE keeps the answers, a line of JSON each: what is there is not asked again.
 """
 
 from __future__ import annotations
@@ -129,7 +129,10 @@ def asked(
         "chosen": list(selection.chosen),
         "findings": sorted({one.id for one in selection.findings if one.level != "info"}),
         "apart_um": max(apart_um),
-        "parts": [[p.name, p.rmse_um, p.mean_um, p.before_rmse_um, p.n_samples] for p in selection.proof.parts_of(response)],
+        "parts": [
+            [part.name, part.rmse_um, part.mean_um, part.before_rmse_um, part.n_samples]
+            for part in selection.proof.parts_of(response)
+        ],
         "runs": [
             [run, one[response].rmse_um, one[response].mean_um, one[response].before_rmse_um, one[response].n_samples,
              outside.get(run, 0.0)]
@@ -213,7 +216,9 @@ def tables(every: Sequence[Answer]) -> None:
     dropped = [one for one in every if one["useless"]]
     saved = sum(one["true_um"] < 0.9 * one["none_um"] for one in dropped if one["true_um"])
     print(f"of these 'do not use' {saved} would have been better than none by a tenth and more")
-    head = "| proposed | n | true ÷ told | 5 % to 95 % | factor told | within it | above | within 1.5 | worse than none |"
+    head = (
+        "| proposed | n | true ÷ told | 5 % to 95 % | factor told | within it | above | within 1.5 | worse than none |"
+    )
 
     def all_runs(one: Answer) -> tuple[float, float]:
         return one["true_um"], one["none_um"]

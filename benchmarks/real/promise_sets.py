@@ -182,7 +182,7 @@ def building_1298(read: Files, _: object) -> Runs:
     return by_day(table.drop(columns=["precip_depth_1_hr", "cloud_coverage", "wind_direction", "m0"]), "1h", 7)
 
 
-def lake(path: str, response: str, every: str, days: int) -> Callable[..., Runs]:
+def lake(path: str, every: str, days: int) -> Callable[..., Runs]:
     def runs(read: Files, _: object) -> Runs:
         table = csv(read(path), sep="\t")
         return by_day(dated(table, table.columns[0]), every, days)
@@ -211,7 +211,9 @@ def greenhouse(which: int) -> Callable[..., Runs]:
         for name, short in (("Temp_4ch_1", "A"), ("Temp_4ch_2", "B"), ("Micro_1", "C"), ("TRH_1", "D"), ("TRH_2", "E")):
             one = dated(csv(read(f"Greenhouse_{which}/{name}.csv")).drop(columns="Read_NO"), "Timestamp", dayfirst=True)
             one = one[[column for column in one.columns if "Temperature" in column]]
-            parts.append(one.set_axis([f"T{short}{k + 1}" for k in range(one.shape[1])], axis=1).resample("15min").mean())
+            parts.append(
+                one.set_axis([f"T{short}{k + 1}" for k in range(one.shape[1])], axis=1).resample("15min").mean()
+            )
         table = pd.concat(parts, axis=1)
         table = table.where((table > -20.0) & (table < 70.0))
         return by_day(table.dropna(thresh=8), "15min", 2)
@@ -245,7 +247,9 @@ def lathe(_: Files, __: object) -> Runs:
 
 
 def machine_growth(read: Files, _: object) -> Runs:
-    table = csv(read("data/thermal expansion error original.csv"), encoding="utf-8-sig").rename(columns={"delta L": "dL"})
+    table = csv(read("data/thermal expansion error original.csv"), encoding="utf-8-sig").rename(
+        columns={"delta L": "dL"}
+    )
     return by_rows(table.groupby(np.arange(len(table)) // 5).mean(), 60, 5.0)
 
 
@@ -306,7 +310,9 @@ def heated_rod(read: Files, names: Callable[[], list[str]]) -> Runs:
 
 
 def hydraulic(read: Files, _: object) -> Runs:
-    table = pd.DataFrame({f"TS{k}": csv(read(f"TS{k}.txt"), sep=r"\s+", header=None).mean(axis=1) for k in (1, 2, 3, 4)})
+    table = pd.DataFrame(
+        {f"TS{k}": csv(read(f"TS{k}.txt"), sep=r"\s+", header=None).mean(axis=1) for k in (1, 2, 3, 4)}
+    )
     return by_rows(table, 45, 60.0)
 
 
@@ -347,9 +353,9 @@ SETS: tuple[Set, ...] = (
     Set("driven_car", "HardikJain98/ML_Project", "Tcabin", driven_car, T),
     Set("town_power", "TechJay7/power-consumption-prediction", "Zone3", town_power, T),
     Set("building_1298", "srouchier/buildingenergygeeks", "m1", building_1298, ("air_t", "dew_t")),
-    Set("sparkling", "GLEON/rLakeAnalyzer", "wtr_4.0", lake("inst/extdata/Sparkling.wtr", "wtr_4.0", "30min", 2), ("w",)),
-    Set("mendota", "GLEON/LakeMetabolizer", "wtr_9", lake("inst/extdata/mendota.wtr", "wtr_9", "15min", 1), ("w",)),
-    Set("troutbog", "GLEON/LakeMetabolizer", "wtr_1", lake("inst/extdata/troutbog.wtr", "wtr_1", "20min", 1), ("w",)),
+    Set("sparkling", "GLEON/rLakeAnalyzer", "wtr_4.0", lake("inst/extdata/Sparkling.wtr", "30min", 2), ("w",)),
+    Set("mendota", "GLEON/LakeMetabolizer", "wtr_9", lake("inst/extdata/mendota.wtr", "15min", 1), ("w",)),
+    Set("troutbog", "GLEON/LakeMetabolizer", "wtr_1", lake("inst/extdata/troutbog.wtr", "20min", 1), ("w",)),
     Set("low_energy_house", "Manusinh-Thakor/Predicting-Household-Energy-Usage-with-Regression-Models", "T1",
         low_energy_house, T),
     Set("factory", "PTW-TUDa/heat-exchanger-control", "ThSp_VC_100E_395_ThHy_T_ob", factory, ("t_amb",)),
@@ -404,7 +410,13 @@ def written(one: Set, runs: Runs, folder: Path) -> None:
         ).round(5)
         moved.insert(0, "t", table.index)
         moved.to_csv(folder / f"{run}.csv", index=False)
-    lines = ["[machine]", f'name = "{one.name}"', "[time]", 'column = "t"', f'unit = "{"datetime" if has_dates else "s"}"']
+    lines = [
+        "[machine]",
+        f'name = "{one.name}"',
+        "[time]",
+        'column = "t"',
+        f'unit = "{"datetime" if has_dates else "s"}"',
+    ]
     for name, new in zip(whole.columns, names, strict=True):
         role, unit = ("displacement", "um") if name == one.response else ("temperature", "degC")
         lines += [f"[channels.{new}]", f'role = "{role}"', f'unit = "{unit}"']
@@ -448,7 +460,7 @@ def main() -> None:
         try:
             runs = usable(one.runs(*files), one.response)
             written(one, runs, options.folder / one.name)
-        except Exception as error:  # noqa: BLE001: a set that changed is left out, the others go on
+        except Exception as error:  # a set that has changed is left out, the others go on
             print(f"{one.name:18s} {type(error).__name__}: {error}")
             continue
         rows = [len(table) for table in runs.values()]

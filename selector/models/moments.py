@@ -297,6 +297,13 @@ WORTH_OF_A_SENSOR = 0.05  #: Root mean square errors that are nearer to each oth
 MOST_ABOVE_BEST = 0.10
 
 
+def more_than_its_error(differences: Array, weights: Array) -> Mask:
+    """Whether the mean of differences, one row a part, is above its standard error; of one part it always is."""
+    share, n = weights / weights.sum(), len(differences)
+    mean = share @ differences
+    return np.asarray(mean > (np.sqrt(share @ (differences - mean) ** 2 / (n - 1)) if n > 1 else -np.inf))
+
+
 def within_one_standard_error(errors: Array, weights: Array) -> Mask:
     """Which candidates predict unseen groups as well as the best one does, as far as the groups can tell.
 
@@ -305,13 +312,10 @@ def within_one_standard_error(errors: Array, weights: Array) -> Mask:
 
     `errors` are the mean squared errors, shape (n_candidates, n_groups), `weights` the samples in each group.
     """
-    share = weights / weights.sum()
-    mean = errors @ share
+    mean = errors @ weights / weights.sum()
     best = int(np.argmin(mean))
-    difference = errors - errors[best]
-    n = errors.shape[1]
-    spread = np.sqrt(((difference - (difference @ share)[:, None]) ** 2) @ share * n / max(n - 1, 1) / n)
-    alike = (mean - mean[best] <= spread) & (mean <= mean[best] * (1.0 + MOST_ABOVE_BEST) ** 2)
+    is_clear = more_than_its_error((errors - errors[best]).T, weights)
+    alike = ~is_clear & (mean <= mean[best] * (1.0 + MOST_ABOVE_BEST) ** 2)
     return np.asarray(alike | (mean <= mean[best] * (1.0 + WORTH_OF_A_SENSOR) ** 2))
 
 

@@ -92,23 +92,25 @@ def _together_s(source: RunSource, run: str, names: Sequence[str]) -> float | No
     return None
 
 
-def runs_before(source: RunSource, runs: Sequence[str]) -> dict[str, Before]:
+def runs_before(source: RunSource, runs: Sequence[str], most_pause: float = np.inf) -> dict[str, Before]:
     """The run before each of these runs, as far as the clocks of both are known and they do not overlap.
 
-    Of a run that begins with its gauge it is what was read before that; this follows the run before.
+    Of a run that begins with its gauge it is what was read before that; this follows the run before. A pause longer
+    than `most_pause` times that run parts the two.
     """
     known = getattr(source, "provenance", {}).get("runs", {})
     spans = []
     for run in runs:
-        start = known.get(run, {}).get("start")
+        if (start := known.get(run, {}).get("start")) is None:
+            continue
+        at = datetime.fromisoformat(start)
         ends = [float(time_s[-1]) for time_s, _ in source.chunks(run, [source.channels[0].name]) if len(time_s)]
-        if start is not None and ends:
-            at = datetime.fromisoformat(start)
+        if ends:
             spans.append(((at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp(), ends[-1], run))
     spans.sort()
     follows: dict[str, Before] = {run: one for run, one in getattr(source, "follows", {}).items() if run in runs}
     for (began, ended, before), (start, _, run) in itertools.pairwise(spans):
-        if start > began + ended:
+        if began + ended < start <= began + (1.0 + most_pause) * ended:
             follows[follows[run][0] if run in follows else run] = (before, start - began)
     return follows
 
@@ -124,9 +126,9 @@ def chain_before(follows: Mapping[str, Before], run: str, tau_s: Array) -> list[
     return chain
 
 
-def follows_another(follows: Mapping[str, Before], run: str) -> bool:
-    """Whether a run follows another one, not only what was read in it before its gauge began."""
-    return (before_gauge(follows, run) or run) in follows
+def another_before(follows: Mapping[str, Before], run: str) -> str | None:
+    """The run that a run follows; what was read in it before its gauge began is no other run. None: there is none."""
+    return follows.get(before_gauge(follows, run) or run, (None,))[0]
 
 
 def before_gauge(follows: Mapping[str, Before], run: str) -> str | None:

@@ -11,7 +11,8 @@ from selector.findings import Finding, Where
 from selector.json_text import fields_of
 from selector.models.design import Datum, Rows
 from selector.models.least_squares import outermost_samples, validity_hull
-from selector.models.run_before import chain_before, follows_another
+from selector.models.moments import more_than_its_error
+from selector.models.run_before import another_before, chain_before
 from selector.number_text import number_text
 from selector.selection.choice import Offer
 from selector.selection.finding_table import FEW_RUNS, FINDINGS
@@ -37,6 +38,7 @@ SHARED_RUNS = 2.2
 LEAST_OF_A_RUN = 0.3  #: Of the error of all: what a run has at least, as a smaller one does not move the mean.
 #: What a run that begins where another ended repeats of it: six runs in a row tell as much as three and a half.
 SHARE_OF_THE_RUN_BEFORE = 0.5
+LONGEST_PAUSE = 1.0  #: Before a run that begins where another ended, in lengths of that one.
 #: Share of the rises by which starts differ, sensor against sensor, when a machine begins warm; less is their noise.
 STARTS_APART, START_NOISE_K = 0.1, 0.15
 MIN_RUNS = 6
@@ -253,16 +255,21 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> Iter
         baseline = proof.baselines_um[name]
         error = proof.rmse_um(name)
         rival, best = min(((way, baseline[way]) for way in ("none", "mean")), key=lambda item: item[1])
-        if error >= best:
+        proved = proof.per_response[name]
+        before, left, n = np.array([(part.before_rmse_um, part.rmse_um, part.n_samples) for part in proved]).T
+        is_clear = (left < before).all() or more_than_its_error(before**2 - left**2, n)
+        if error >= best or not is_clear:
             words = {"none": "leaving the machine as it is", "mean": "a constant"}[rival]
+            luck = "" if error >= best else ", and the gain is no larger than its scatter from part to part"
             yield FINDINGS.finding(
                 "no-better-than-nothing",
-                f"On unseen data the model of {name} errs by {error:.3g} µm, {words} by {best:.3g} µm: do not use it.",
+                f"On unseen data the model of {name} errs by {error:.3g} µm, {words} by {best:.3g} µm{luck}: do not "
+                "use it.",
                 Where(channel=name),
                 {"heldout_rmse_um": error, rival: best},
             )
-        worst = max(proof.per_response[name], key=lambda part: part.rmse_um)
-        others = [part.rmse_um for part in proof.per_response[name] if part is not worst]
+        worst = max(proved, key=lambda part: part.rmse_um)
+        others = [part.rmse_um for part in proved if part is not worst]
         usual = float(np.median(others)) if others else float("nan")
         if worst.rmse_um > 3.0 * usual and worst.rmse_um > 1.0:
             yield FINDINGS.finding(
@@ -287,7 +294,8 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> Iter
 def known(selection: Selection, surveyed: Survey, datum: Datum, rows: Rows) -> Known | None:
     """How well the error on unseen runs is known: by how many were left out, how they begin, how much errors differ.
 
-    The levels of `datum` are the first readings of the sensors, whatever the model counts from.
+    The levels of `datum` are the first readings of the sensors, whatever the model counts from, and in it follows what
+    begins where another run ended.
     """
     proof, n_sensors = selection.proof, len(selection.chosen)
     n = len(next(iter(proof.per_response.values())))
@@ -299,7 +307,9 @@ def known(selection: Selection, surveyed: Survey, datum: Datum, rows: Rows) -> K
     apart_k = float((apart - apart.mean(axis=0)).std())
     rises_k = float(np.sqrt(rows.variables[:, :n_sensors].var(axis=0).mean()))
     warm = apart_k > max(STARTS_APART * rises_k, START_NOISE_K)
-    in_a_row = sum(follows_another(selection.recipe.design.datum.follows, run) for run in surveyed.runs)
+    kinds = selection.options.conditions if proof.left_out == "condition" else {}
+    before = {run: another_before(datum.follows, run) or run for run in surveyed.runs}
+    in_a_row = sum(kinds.get(one, one) != kinds.get(run, run) for run, one in before.items())
     # a start that is a little warm does not show in the sensors, and memory rests on it
     spread = SPREAD_OF_STARTS if warm or selection.recipe.design.lags else SPREAD
     # so many samples tell their own error to 1 / √(2 n) of it
@@ -329,7 +339,7 @@ def _factor(errors_um: Sequence[float], runs: float, spread: float) -> float:
 def _few_runs(selection: Selection) -> Iterator[Finding]:
     """Within what factor the error on unseen runs is known, where that is more than `PROMISED_FACTOR`."""
     one, proof = selection.known, selection.proof
-    if one is None or one.factor <= PROMISED_FACTOR:
+    if one is None or (one.factor <= PROMISED_FACTOR and 2 * one.in_a_row < one.runs):
         return
     spans = {name: one.span_um(name, proof.rmse_um(name)) for name in selection.models}
     told = {name: one.factor_of(name) for name, span in spans.items() if span is not None}
@@ -346,11 +356,14 @@ def _few_runs(selection: Selection) -> Iterator[Finding]:
         says = [f"{known_to}: on further runs within what these cover the model may err {errors}"]
     if untold := " and ".join(name for name in spans if name not in told):
         says.append(f"of {untold} " * bool(told) + f"cannot be told from so few {kind}")
+    is_stretch = 2 * one.in_a_row >= one.runs
+    later = " That holds for about as long after them as they took; of another season they tell little." * is_stretch
     yield FINDINGS.finding(
         FEW_RUNS,
-        f"The error on unseen runs rests on {one.runs} {kind}{begin} and {'; that '.join(says)}.",
+        f"The error on unseen runs rests on {one.runs} {kind}{begin} and {'; that '.join(says)}." + later,
         evidence={**fields_of(one, "runs", "factor", "in_a_row", "starts_apart_k"), "between_um": spans},
         suggestion="record more runs"
+        + ", some of them weeks later" * is_stretch
         + (", and let the machine cool down before each, or begin each where the last one ended" * one.is_warm),
     )
 

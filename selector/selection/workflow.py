@@ -10,13 +10,13 @@ from selector.findings import Finding
 from selector.models.best_subsets.subsets import side_by_side
 from selector.models.design import Form, Rows, datum_of, rows_of
 from selector.models.least_squares import fault_gains, validity_hull
-from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, response_power
+from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, more_than_its_error, response_power
 from selector.models.run_before import begun, in_parts, runs_before
 from selector.quality.finding_table import CONSTANT_CHANNEL, DUPLICATE_CHANNEL
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates
 from selector.selection.choice import Offer, Plan, Tested, plans, shapes_on_offer, tested, unit_um
-from selector.selection.doubts import doubts, known
+from selector.selection.doubts import LONGEST_PAUSE, doubts, known
 from selector.selection.equal_sets import equal_sets
 from selector.selection.fitting import MAX_ROWS, fallbacks_of, final_models, refined, ridge_penalty
 from selector.selection.library import Bench, Library
@@ -35,7 +35,7 @@ from selector.selection.reasons import because_of, combinations_of, reasons_of, 
 from selector.selection.result import Proof, Selection
 from selector.selection.survey import RunsOf, survey
 from selector.sensors.finding_table import CONSTANT_SENSOR
-from selector.types import Array, Mask
+from selector.types import Array
 
 #: Richer terms must lower the error on unseen parts by more than this; a hundredth is luck of the days.
 WORTH_A_RICHER_MODEL = 1.02
@@ -182,6 +182,7 @@ def select(
     say("looking for doubts", 0.95)
     told = {offer: _rms(plan_errors[best]) for offer, best in best_of_offer.items()}
     starts = datum_of(source, question.sensors, (), "rise") if datum.reference == "absolute" else datum
+    starts = replace(starts, follows=runs_before(source, surveyed.runs, LONGEST_PAUSE))
     selection = replace(selection, known=known(selection, surveyed, starts, rows))
     doubted = doubts(selection, surveyed, datum, rows, ridge, told, plan[0], stride)
     say("done", 1.0)
@@ -219,8 +220,7 @@ def _best_plan(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array
         return best_of_offer, list(errors)[-1]
     taken, *richer = best_of_offer.values()
     for plan in richer:
-        n_samples = unseen[taken].n_samples
-        loses = _more_than_its_error(unseen[plan].mse - unseen[taken].mse, n_samples / n_samples.sum())
+        loses = more_than_its_error(unseen[plan].mse - unseen[taken].mse, unseen[taken].n_samples)
         loses &= errors[plan] > WORTH_A_RICHER_MODEL * errors[taken]
         better = WORTH_A_RICHER_MODEL * _rms(errors[plan]) < _rms(errors[taken])
         # what is won with fewer sensors need not be clear: these are what costs
@@ -243,14 +243,7 @@ def _without(unseen: Mapping[Plan, HeldOut], part: int) -> dict[Plan, HeldOut]:
 
 def _is_clear(poorer: HeldOut, richer: HeldOut, unit: Array) -> bool:
     """Whether the gain in squared error, part by part, is more than one standard error from zero."""
-    share = poorer.n_samples / poorer.n_samples.sum()
-    return bool(_more_than_its_error(((poorer.mse - richer.mse) / unit**2).mean(axis=1), share))
-
-
-def _more_than_its_error(differences: Array, share: Array) -> Mask:
-    """Whether the mean of differences, one row a part, is above its standard error; of one part it always is."""
-    mean, n = share @ differences, len(differences)
-    return np.asarray(mean > (np.sqrt(share @ (differences - mean) ** 2 / (n - 1)) if n > 1 else -np.inf))
+    return bool(more_than_its_error(((poorer.mse - richer.mse) / unit**2).mean(axis=1), poorer.n_samples))
 
 
 def _poorest_of(errors: Errors, offer: Offer, noise: Array) -> Plan:

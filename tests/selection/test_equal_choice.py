@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from datetime import datetime, timedelta
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,14 +13,14 @@ from scipy import stats
 
 from selector.models.moments import HeldOut
 from selector.recording import Recording
-from selector.selection import Options, select
+from selector.selection import Options, Selection, select
 from selector.selection.candidates import SensorSet
 from selector.selection.choice import Trial, _is_equal, _margin_um, _safest
-from selector.selection.doubts import _few_runs
+from selector.selection.doubts import _few_runs, _proof_findings
 from selector.selection.finding_table import FEW_RUNS
 from selector.selection.library import Shape
 from selector.selection.options import Question
-from selector.selection.result import MOST_TOLD_FACTOR
+from selector.selection.result import MOST_TOLD_FACTOR, RunProof
 from selector.selection.workflow import _best_plan, _poorest_of
 from selector.telling.selected.account import gain_table
 from selector.telling.selected.advice import advice
@@ -121,6 +124,78 @@ def test_how_far_the_error_of_few_runs_is_known_is_told_with_it():
         assert high == pytest.approx(found.proof.rmse_um("Z") * factor, rel=0.01)
         assert ("begin" in told.statement) == begin
         assert f"factor of {factor:.1f}" in advice(found)[1][0]
+
+
+def clocked(source: Recording, pauses_in_lengths: float) -> Recording:
+    """The same with clocks: a run, and a pause of so many of its lengths."""
+    length_s = float(source.time_s(source.runs[0])[-1])
+    step_s = (1.0 + pauses_in_lengths) * length_s + 10.0
+    began = datetime(2026, 3, 2)
+    starts = {run: {"start": (began + timedelta(seconds=k * step_s)).isoformat()} for k, run in enumerate(source.runs)}
+    return replace(source, provenance={"runs": starts})
+
+
+def test_runs_in_a_row_count_half_whether_or_not_memory_is_offered():
+    six = machine(n_runs=6)
+    apart, known, in_a_row = (
+        select(one, Options(responses=("Z",), max_sensors=2)) for one in (six, clocked(six, 2.0), clocked(six, 0.5))
+    )
+    assert known.known.in_a_row == 0
+    assert known.known.factor == apart.known.factor
+    assert FEW_RUNS not in {one.id for one in known.findings}
+    assert in_a_row.known.in_a_row == 5
+    assert np.log(in_a_row.known.factor) == pytest.approx(np.log(apart.known.factor) * np.sqrt(6.0 / 3.5))
+    (told,) = [one for one in in_a_row.findings if one.id == FEW_RUNS]
+    assert "another season" in told.statement
+    assert "weeks later" in told.suggestion
+
+
+def test_what_many_runs_in_a_row_do_not_tell_is_said_however_well_their_error_is_known():
+    found = select(clocked(machine(n_runs=6), 0.0), Options(responses=("Z",), max_sensors=2))
+    many = replace(found, known=replace(found.known, runs=40, in_a_row=39, factor=1.2, factors={"Z": 1.2}))
+    (told,) = _few_runs(many)
+    assert "another season" in told.statement
+    assert not list(_few_runs(replace(many, known=replace(many.known, in_a_row=19))))
+
+
+def test_of_conditions_only_those_count_half_that_begin_where_another_condition_ended():
+    six = clocked(machine(n_runs=6), 0.0)
+    kinds = dict(zip(six.runs, ("winter", "winter", "spring", "spring", "summer", "summer"), strict=True))
+    found = select(six, Options(responses=("Z",), max_sensors=2, conditions=kinds))
+    assert (found.known.runs, found.known.in_a_row) == (3, 2)
+
+
+def proof_of(found: Selection, errors: Sequence[tuple[float, float]]) -> Selection:
+    """A selection whose parts have these errors, with the model and without it [µm]."""
+    parts = tuple(
+        RunProof(f"r{k}", (), left, left, 0.0, before, before, 100) for k, (left, before) in enumerate(errors)
+    )
+    none = float(np.sqrt(np.mean([before**2 for _, before in errors])))
+    proof = replace(found.proof, per_response={"Z": parts}, baselines_um={"Z": {"none": none, "mean": 2.0 * none}})
+    return replace(found, proof=proof)
+
+
+@pytest.mark.parametrize(
+    ("errors", "is_useless"),
+    [
+        # 9.0 for 9.6 µm, of which one run has all and others lose
+        (((10.0, 14.0), (9.0, 8.0), (8.0, 7.5), (9.0, 7.0)), True),
+        # what every run gains is a gain, though one moves ten times as far as the others
+        (((10.0, 100.0), (3.0, 8.0), (3.0, 9.0), (2.0, 7.0)), False),
+        (((6.0, 14.0), (5.0, 12.0), (8.0, 7.5), (4.0, 11.0)), False),
+    ],
+)
+def test_a_gain_that_is_no_larger_than_its_scatter_is_none(errors, is_useless):
+    found = proof_of(select(machine(n_runs=4), Options(responses=("Z",), max_sensors=2)), errors)
+    assert found.proof.rmse_um("Z") < found.proof.baselines_um["Z"]["none"]
+    surveyed = SimpleNamespace(runs=("r0", "r1", "r2", "r3"), is_one_record=False)
+    told = [one for one in _proof_findings(found, surveyed, 1) if one.id == "no-better-than-nothing"]
+    assert bool(told) == is_useless
+    if told:
+        assert "scatter" in told[0].statement
+        verdict, said = advice(replace(found, findings=(*told,)))
+        assert verdict == "bad"
+        assert "scatter" in said[1]
 
 
 def test_starts_count_where_a_model_counts_from_nothing_too():

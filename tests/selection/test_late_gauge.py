@@ -9,7 +9,7 @@ from selector.controllers.application import apply_model, known_starts, sensor_s
 from selector.controllers.evaluator import Evaluator
 from selector.controllers.from_selection import model_file_of
 from selector.controllers.model_file import Input, ModelFile, Output, State, Term
-from selector.models.run_before import begun, chain_before, follows_another, runs_before
+from selector.models.run_before import another_before, begun, chain_before, runs_before
 from selector.quality.completeness import START_SAMPLES
 from selector.recording import Recording
 from selector.selection import Options, select
@@ -183,5 +183,5 @@ def test_memory_goes_on_from_the_run_before_through_what_was_not_gauged():
     source.provenance = provenance
     follows = runs_before(source, source.runs)
     assert [later_s for _, later_s in chain_before(follows, morning, np.array([1e6]))] == [86400.0, 86400.0, 0.0]
-    assert follows_another(follows, morning)
-    assert not follows_another(follows, day)
+    assert another_before(follows, morning)
+    assert not another_before(follows, day)

@@ -112,6 +112,8 @@ def _uselessness(selection: Selection, name: str) -> str:
         f"{_UNSEEN[selection.proof.left_out]} the {name} error is "
         f"{number_text(selection.proof.rmse_um(name))} µm with the model, {number_text(ways['none'])} µm without any "
         f"compensation and {number_text(ways['mean'])} µm with a constant (root mean square)."
+        + " The gain is no larger than its scatter from part to part."
+        * (selection.proof.rmse_um(name) < min(ways["none"], ways["mean"]))
     )
 
 
