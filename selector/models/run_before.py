@@ -101,11 +101,10 @@ def runs_before(source: RunSource, runs: Sequence[str], most_pause: float = np.i
     known = getattr(source, "provenance", {}).get("runs", {})
     spans = []
     for run in runs:
-        if (start := known.get(run, {}).get("start")) is None:
-            continue
-        at = datetime.fromisoformat(start)
-        ends = [float(time_s[-1]) for time_s, _ in source.chunks(run, [source.channels[0].name]) if len(time_s)]
-        if ends:
+        start = known.get(run, {}).get("start")
+        pieces = source.chunks(run, [source.channels[0].name]) if start is not None else ()
+        if ends := [float(time_s[-1]) for time_s, _ in pieces if len(time_s)]:
+            at = datetime.fromisoformat(start)
             spans.append(((at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp(), ends[-1], run))
     spans.sort()
     follows: dict[str, Before] = {run: one for run, one in getattr(source, "follows", {}).items() if run in runs}

@@ -294,8 +294,7 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> Iter
 def known(selection: Selection, surveyed: Survey, datum: Datum, rows: Rows) -> Known | None:
     """How well the error on unseen runs is known: by how many were left out, how they begin, how much errors differ.
 
-    The levels of `datum` are the first readings of the sensors, whatever the model counts from, and in it follows what
-    begins where another run ended.
+    `datum` has the first readings of the sensors, whatever the model counts from, and what begins where another ended.
     """
     proof, n_sensors = selection.proof, len(selection.chosen)
     n = len(next(iter(proof.per_response.values())))
