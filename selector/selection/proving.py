@@ -93,13 +93,8 @@ def beside_the_comparison(
 
 def with_own_baseline(proof: Proof) -> Proof:
     """The proof with the error without compensation over its own parts, where these are more than were compared."""
-    none = {}
-    for name, parts in proof.per_response.items():
-        squares = sum(part.before_rmse_um**2 * part.n_samples for part in parts)
-        none[name] = float(np.sqrt(squares / sum(part.n_samples for part in parts)))
-    return replace(
-        proof, baselines_um={name: {**ways, "none": none[name]} for name, ways in proof.baselines_um.items()}
-    )
+    ways = proof.baselines_um.items()
+    return replace(proof, baselines_um={name: {**of, "none": proof.rmse_um(name, before=True)} for name, of in ways})
 
 
 def error_curve(library: Library, outer: Grouping, choices: Sequence[Choice]) -> tuple[ErrorCurvePoint, ...]:

@@ -98,11 +98,11 @@ class Proof:
             raise no_channel(response, self.per_response)
         return self.per_response[response]
 
-    def rmse_um(self, response: str) -> float:
-        """Held-out rmse pooled over all samples [µm]."""
+    def rmse_um(self, response: str, *, before: bool = False) -> float:
+        """Held-out rmse pooled over all samples [µm]; or that before compensation."""
         parts = self.parts_of(response)
-        total = sum(part.n_samples for part in parts)
-        return math.sqrt(sum(part.rmse_um**2 * part.n_samples for part in parts) / max(total, 1))
+        squares = ((part.before_rmse_um if before else part.rmse_um) ** 2 * part.n_samples for part in parts)
+        return math.sqrt(sum(squares) / max(sum(part.n_samples for part in parts), 1))
 
     def max_um(self, response: str) -> float:
         """Largest held-out error [µm]."""

@@ -223,8 +223,9 @@ def _best_plan(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array
         loses = more_than_its_error(unseen[plan].mse - unseen[taken].mse, unseen[taken].n_samples)
         loses &= errors[plan] > WORTH_A_RICHER_MODEL * errors[taken]
         better = WORTH_A_RICHER_MODEL * _rms(errors[plan]) < _rms(errors[taken])
+        gain = ((unseen[taken].mse - unseen[plan].mse) / unit**2).mean(axis=1)
         # what is won with fewer sensors need not be clear: these are what costs
-        is_clear = plan[1] < taken[1] or _is_clear(unseen[taken], unseen[plan], unit)
+        is_clear = plan[1] < taken[1] or more_than_its_error(gain, unseen[taken].n_samples)
         if better and is_clear and not loses.any():
             taken = plan
     return best_of_offer, taken
@@ -239,11 +240,6 @@ def _without(unseen: Mapping[Plan, HeldOut], part: int) -> dict[Plan, HeldOut]:
     return {
         plan: HeldOut(np.delete(one.sse, part, axis=0), np.delete(one.n_samples, part)) for plan, one in unseen.items()
     }
-
-
-def _is_clear(poorer: HeldOut, richer: HeldOut, unit: Array) -> bool:
-    """Whether the gain in squared error, part by part, is more than one standard error from zero."""
-    return bool(more_than_its_error(((poorer.mse - richer.mse) / unit**2).mean(axis=1), poorer.n_samples))
 
 
 def _poorest_of(errors: Errors, offer: Offer, noise: Array) -> Plan:
