@@ -1,6 +1,6 @@
 """Samples that are no measurements: codes of broken sensors, values that cannot be, channels that stand still."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -247,10 +247,11 @@ def longest_still(survey: Survey, run: str, columns: list[int], quanta: list[flo
 def frozen(survey: Survey) -> Iterator[Finding]:
     """Findings ``stuck`` and ``saturated`` of channels whose noise alone makes equal samples impossible; O(samples).
 
-    The noise is the lower fifth over all blocks of the channel in all runs, the stretch itself aside; it must exceed
-    what rounding a trend can look like. Then k equal samples have at most the probability p^(k-1), p = the largest
-    share of the noise that fits into one step of the resolution, or how often neighbours are equal elsewhere. Channels
-    with a coarser resolution stand still lawfully; see `siblings.stuck_beside_siblings`.
+    The noise is the lower fifth over all blocks of the channel in all runs, the stretch itself aside, and those of a
+    thermometer in other runs in which it may be dead as well; it must exceed what rounding a trend can look like.
+    Then k equal samples have at most the probability p^(k-1), p = the largest share of the noise that fits into one
+    step of the resolution, or how often neighbours are equal elsewhere. Channels with a coarser resolution stand still
+    lawfully; see `siblings.stuck_beside_siblings`.
     """
     columns = survey.columns(*MEASURED_ROLES)
     quanta = {run: [survey.quantum(column, run) for column in columns] for run in survey.runs}
@@ -269,10 +270,16 @@ def frozen(survey: Survey) -> Iterator[Finding]:
         values = [still.value[still.length >= _LEAST] for still in long.values()]
         rails = [end for end in extremes if sum(int(np.sum(value == end)) for value in values) >= 2]
         # long stretches at the very ends of the channel's range may be a rail: left aside in every run
-        clear = {run: scale.block_noise for run, scale in scales.items() if scale.count >= _LEAST} | {
-            run: _noise_beside(survey, run, column, still, (still.length >= _LEAST) & np.isin(still.value, extremes))
-            for run, still in long.items()
-        }
+        aside = {run: (still.length >= _LEAST) & np.isin(still.value, extremes) for run, still in long.items()}
+        clear = {run: scale.block_noise for run, scale in scales.items() if scale.count >= _LEAST}
+        clear |= _noises_beside(survey, column, long, aside)
+        seen = np.concatenate([np.empty(0), *clear.values()])
+        if survey.channels[column].role in THERMAL_ROLES and _hides(seen, max(quanta[run][k] for run in scales)):
+            aside |= {
+                run: aside[run] | ((still.length >= _LEAST) & _is_lively_beside(survey, run, column, still))
+                for run, still in long.items()
+            }
+            clear |= _noises_beside(survey, column, long, aside)
         every = np.sort(np.concatenate([np.empty(0), *clear.values()]))
         usual = float(np.quantile(every, 0.2)) if every.size >= 2 else None
         for run, noise in clear.items() if every.size else ():
@@ -348,6 +355,32 @@ def _frozen_in(
             action="leave-out-stretch",
             level="error",
         )
+
+
+def _hides(noise: Array, quantum: float) -> bool:
+    """Whether blocks without any noise are so many that they hide what the others have."""
+    moving = noise[noise > 0.0]
+    least = _ABOVE_ROUNDING * quantum
+    return bool(moving.size and np.quantile(noise, 0.2) < least <= np.quantile(moving, 0.2))
+
+
+def _is_lively_beside(survey: Survey, run: str, column: int, still: Still) -> Mask:
+    """Stretches of a thermometer in which the others keep their noise, so that it is not the machine that rests."""
+    lively = []
+    for other in survey.columns(*THERMAL_ROLES):
+        noise = survey.scale(run, other).block_noise
+        if other != column and noise.size:
+            first, end = (np.array([still.first, still.last + 1]) * noise.size / (still.last[-1] + 1)).astype(np.intp)
+            kept = np.r_[0, np.cumsum(noise > 0.0)]
+            lively.append((kept[end] - kept[first]) / np.maximum(end - first, 1))
+    return np.asarray(np.mean(lively or [np.zeros(still.first.size)], axis=0) > 0.5)
+
+
+def _noises_beside(
+    survey: Survey, column: int, stretches: Mapping[str, Still], aside: Mapping[str, Mask]
+) -> dict[str, Array]:
+    """Run → the block noise of a channel outside some of its stretches of equal samples."""
+    return {run: _noise_beside(survey, run, column, still, aside[run]) for run, still in stretches.items()}
 
 
 def _noise_beside(survey: Survey, run: str, column: int, still: Still, aside: Mask) -> Array:
