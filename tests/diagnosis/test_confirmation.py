@@ -185,6 +185,18 @@ def test_a_doubted_name_is_as_sure_as_what_it_surely_closes_from_a_half_to_three
     assert named_effect(made, doubted, "thermal.memory").confidence == 0.5
 
 
+@pytest.mark.parametrize(("surely_closed", "sure"), [(None, 0.75), (0.2, 0.75), (0.3, 0.96)])
+def test_what_explains_little_is_surer_than_three_quarters_only_where_unseen_rows_bear_it_out(
+    slow, surely_closed, sure
+):
+    made, result = found(slow, 1.0, 0.4)
+    if surely_closed is not None:
+        result = replace(result, closed={"thermal.memory": Quantity(0.95, "1", surely_closed, 1.0)})
+    effect = named_effect(made, result, "thermal.memory")
+    assert effect.share < 0.1
+    assert effect.confidence == pytest.approx(sure, abs=0.01)
+
+
 def test_nothing_is_said_where_nothing_was_seen(slow):
     _, result = found(slow, 1.0)
     bench = result.benches["Z"]
