@@ -234,8 +234,8 @@ def _tested(state: _State) -> _State:
         benches[name], untested[name] = bench_of(comparison, name, asked.effects)
     state.say(-3, "testing effects")
     found = search(benches, false_alarm=asked.false_alarm, seed=asked.seed)
-    found = beside_discrepancy(comparison, found)
     found = as_unseen_rows_have_it(found)
+    found = beside_discrepancy(comparison, found)
     refuted, worth = surely_refuted(comparison, found), worth_naming(comparison, found)
     found = not_ruinous(comparison, worth)
     lost = [named_effect(comparison, worth, id_) for id_ in worth.named if id_ not in found.named]
@@ -367,11 +367,17 @@ def _named_clearly(state: _State) -> _State:
     """Names only where they are clearer than the structure that is left.
 
     A fault of the data explains all that it concerns, or it is a proxy of what nothing explains. What carries little on
-    unseen rows is no name where structure is left, nor what surely makes them worse.
+    unseen rows is no name where structure is left, nor what surely makes them worse; nor what was found beside that and
+    is little and suspected.
     """
     doubts = _doubts(state)
-    is_little = [
+    is_none = [
         carries_little(state.comparison, state.search, effect, is_doubted=bool(doubts)) for effect in state.effects
+    ]
+    beside = {name for effect in compress(state.effects, is_none) for name in effect.courses}
+    is_little = [
+        none or (one.suspected and one.share < TENTH and one.id != "data.stuck" and one.channel in beside)
+        for one, none in zip(state.effects, is_none, strict=True)
     ]
     state = replace(
         state,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
@@ -64,3 +66,14 @@ def door(n: int, windows: tuple[tuple[int, int], ...], memory: float = 0.9) -> V
     for first, last in windows:
         on[first:last] = 1.0
     return np.asarray(lfilter([1.0 - memory], [1.0, -memory], on))
+
+
+def late_run(run: int, by: int, noise: float) -> Comparison:
+    """Z as simulated but for noise, and recorded too late by so many samples in one of the runs (0 to 2)."""
+    n = 600
+    made = comparison({"Z": noise * np.random.default_rng(0).standard_normal(len(RUNS) * n)})
+    course = made.simulated["Z"] / np.std(made.simulated["Z"]) * 3.0
+    late = course.reshape(len(RUNS), n).copy()
+    late[run] = np.interp(np.arange(n) - by, np.arange(n), late[run])
+    recorded = late.ravel() + made.difference("Z")
+    return replace(made, simulated={"Z": course}, recorded={**made.recorded, "Z": recorded})

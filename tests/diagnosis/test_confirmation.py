@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from selector.diagnosis import workflow
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.confirmation import (
@@ -23,8 +24,8 @@ from selector.diagnosis.evidence.naming import as_carried, named_effect, or_para
 from selector.diagnosis.evidence.recalibration import contradicted, recalibrated
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
-from selector.diagnosis.workflow import _is_sure, _State, diagnosis
-from tests.diagnosis.made import comparison
+from selector.diagnosis.workflow import _is_sure, _named_clearly, _State, diagnosis
+from tests.diagnosis.made import comparison, late_run
 
 N = 3 * 600
 EFFECTS = tuple(effect_of(name) for name in ("thermal.memory", "thermal.instant_speed"))
@@ -343,3 +344,33 @@ def test_a_fault_of_one_fitted_run_is_no_name_for_its_share_alone(slow):
     guess = replace(named_effect(made, result, "thermal.memory"), confidence=0.01, share=0.3)
     assert _is_sure(guess, state, 0.3)
     assert not _is_sure(replace(guess, acts=("r1", 0.0, None)), state, 0.3)
+
+
+def test_a_fault_in_the_wrong_one_of_two_runs_is_put_into_the_one_that_unseen_rows_bear_out():
+    """Recalibration delays both: the second is late by half, and the first early by as much."""
+    made = late_run(1, 8, 0.35)
+    bench, _ = bench_of(made, "Z", [effect_of("data.clock")])
+    result = search({"Z": bench}, false_alarm=0.02, seed=0)
+    runs = [one.variant.run for one in bench.candidates]
+    assert runs[result.named["data.clock"]["Z"]] == "r2"
+    mistaken = replace(result, named={"data.clock": {"Z": runs.index("r1")}})
+    named = not_ruinous(made, mistaken).named
+    assert runs[named["data.clock"]["Z"]] == "r2"
+
+
+def test_what_is_little_and_suspected_beside_a_name_that_is_none_is_none_either(slow, monkeypatch):
+    made, result = found(slow, 1.0)
+    gone = named_effect(made, result, "thermal.memory")
+    beside = replace(gone, id="data.step", share=0.05, suspected=True)
+    monkeypatch.setattr(workflow, "carries_little", lambda *args, is_doubted: args[2].id == "thermal.memory")
+    monkeypatch.setattr(workflow, "_doubts", lambda state: ())
+    state = _State(made, None, search=result)  # type: ignore[arg-type]
+    for other, is_kept in (
+        (beside, False),
+        (replace(beside, suspected=False), True),
+        (replace(beside, share=0.2), True),
+        (replace(beside, channel="X"), True),
+    ):
+        kept = _named_clearly(replace(state, effects=(gone, other))).effects
+        assert kept == ((other,) if is_kept else ())
+    assert _named_clearly(replace(state, effects=(beside,))).effects == (beside,)

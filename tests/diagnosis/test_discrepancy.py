@@ -10,10 +10,11 @@ from scipy.signal import lfilter
 
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Variant
+from selector.diagnosis.evidence import discrepancy
 from selector.diagnosis.evidence.discrepancy import beside_discrepancy, waves_of
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
-from tests.diagnosis.made import comparison
+from tests.diagnosis.made import comparison, late_run
 
 N = 600
 
@@ -121,3 +122,14 @@ def test_waves_are_the_same_each_time_and_of_the_simulated_state_alone():
     other = replace(one, recorded=one.recorded | {"Z": np.ones(3 * N)})
     for here, there in zip(waves_of(one, "Z"), waves_of(other, "Z"), strict=True):
         np.testing.assert_array_equal(here, there)
+
+
+@pytest.mark.parametrize(("noise", "stands"), [(0.1, True), (0.35, False)])
+def test_a_fault_of_one_run_that_carries_to_unseen_rows_is_not_judged_beside_a_misfit(monkeypatch, noise, stands):
+    """Without the late run in the fit, recalibration delays the unseen one no more, whose error falls with that."""
+    monkeypatch.setattr(discrepancy, "_DECISIVE", np.inf)
+    made = late_run(1, 4, noise)
+    found = search({"Z": bench_of(made, "Z", [effect_of("data.clock")])[0]}, false_alarm=0.02, seed=0)
+    assert list(found.named) == ["data.clock"]
+    named = beside_discrepancy(made, replace(found, wrong=frozenset({"Z"}))).named
+    assert list(named) == ["data.clock"] * stands

@@ -9,7 +9,9 @@ import pytest
 from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Effect, Quantity, Reading, Variant
+from selector.diagnosis.evidence import search as searching
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
 from selector.diagnosis.workflow import diagnosis
@@ -179,3 +181,15 @@ def test_what_is_clear_in_one_response_hides_nothing_in_another():
         "data.step": ("Z",),
     }
     assert both.effects[1].confidence == pytest.approx(alone.effects[0].confidence, abs=0.02)
+
+
+def test_a_fault_of_one_run_has_rivals_only_in_what_explains_as_much_of_that_run(monkeypatch):
+    """Unseen rows know it by the recalibration, which any other shape of that run puts right as well."""
+    monkeypatch.setattr(searching, "misfit", lambda bench, named, *, seed: 8.0)
+    made = three_runs({"Z": 0.5 * np.random.default_rng(0).standard_normal(3 * N)})
+    jump = np.where((np.arange(3 * N) > N // 2) & (np.arange(3 * N) < N), 2.0, 0.0)
+    made = replace(made, recorded={**made.recorded, "Z": made.recorded["Z"] + jump})
+    known = [effect_of(f"data.{name}") for name in ("step", "zero", "drift", "gain")]
+    found = search({"Z": bench_of(made, "Z", known)[0]}, false_alarm=0.02, seed=0)
+    assert found.rivals == {"data.step": ("data.drift",)}
+    assert found.ahead == {"data.step": 1.0}

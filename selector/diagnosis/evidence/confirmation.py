@@ -249,18 +249,21 @@ def not_ruinous(comparison: Comparison, found: Search) -> Search:
 
 
 def _next_best(found: Search, id_: str, response: str) -> int | None:
-    """The next shape of physics that explains nearly as much of fitted rows, and some of unseen ones; None without."""
-    bench, own = found.benches[response], found.named[id_][response]
-    if id_.startswith("data.") or found.misfit[response] == 1.0:
+    """The next shape that explains nearly as much of fitted rows, and some of unseen ones; None without.
+
+    What recalibration puts right of a fault in one run may look like one of the other run: unseen rows know.
+    """
+    bench, own, is_fault = found.benches[response], found.named[id_][response], id_.startswith("data.")
+    if not is_fault and found.misfit[response] == 1.0:
         return None
     others = [other for other in numbers(found.named, response) if other != own]
     least, before = _NEARLY_ALL * bench.share(others, own), unseen_rms(bench, others)
     shares = {v: bench.share(others, v) for v, one in enumerate(bench.candidates) if one.effect.id == id_}
-    as_given = rms(bench.target[bench.unseen])
+    most = before if is_fault else min(before, rms(bench.target[bench.unseen]))
     for v in sorted(shares, key=lambda one: -shares[one]):
         if shares[v] < least:
             break
-        if unseen_rms(bench, [*others, v]) < min(before, as_given):
+        if unseen_rms(bench, [*others, v]) < most:
             return v
     return None
 

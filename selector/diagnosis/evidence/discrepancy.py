@@ -102,10 +102,9 @@ def _kept(found: Search, id_: str, waves: dict[str, _Misfits]) -> tuple[float, f
     beside a misfit, where none is known.
     """
     others, of = without(found.named, id_), found.named[id_]
+    is_sure = all(_is_carried(found.benches[name], numbers(others, name), v, waves[name]) for name, v in of.items())
     if id_.startswith("data."):
-        is_sure = any(found.benches[name].share(numbers(others, name), v) >= MOST_OF_IT for name, v in of.items())
-    else:
-        is_sure = all(_is_carried(found.benches[name], numbers(others, name), v, waves[name]) for name, v in of.items())
+        is_sure |= any(found.benches[name].share(numbers(others, name), v) >= MOST_OF_IT for name, v in of.items())
     if is_sure:
         return 1.0, 0.0
     told = np.array([_evidence(found.benches[name], numbers(others, name), id_, waves[name]) for name in of])
