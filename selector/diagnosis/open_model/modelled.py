@@ -383,7 +383,7 @@ def _named(tried: _Tried) -> list[NamedEffect]:
                 id=known.id,
                 channel=channels[0] if channels else one.best.main,
                 place=switch.place,
-                statement=f"{known.title[:1].upper()}{known.title[1:]} at {switch.place} is not in the model: {words}.",
+                statement=f"Put into the model it has {words}.",
                 parameters=numbers,
                 confidence=float(np.clip(sure, 0.01, _MOST_SURE))
                 if one.is_borne_out
