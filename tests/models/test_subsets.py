@@ -77,11 +77,13 @@ def bound(request, monkeypatch):
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("kind", ["warm", "independent"])
-def test_same_optimum_as_all_65535_subsets(kind, seed, bound):
+def test_same_optimum_as_all_16383_subsets(kind, seed, bound, monkeypatch):
+    if seed == 1:  # good sets to start with hide a bound that is too large
+        monkeypatch.setattr(subsets, "starting_sets", lambda *_: None)
     rng = np.random.default_rng(seed)
-    columns, response = warm_machine(80, 16, seed)
+    columns, response = warm_machine(80, 14, seed)
     if kind == "independent":
-        columns = rng.normal(size=(80, 16))
+        columns = rng.normal(size=(80, 14))
         response = columns[:, :3].sum(axis=1) + 3 * rng.normal(size=80)
     cross = cross_products(columns, response)
     found = best_subsets(cross, 80)
