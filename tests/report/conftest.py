@@ -2,3 +2,4 @@
 
 from tests.chromium import browser as browser
 from tests.chromium import shown as shown
+from tests.chromium import tab as tab

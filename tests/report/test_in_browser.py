@@ -28,9 +28,9 @@ def test_every_figure_is_drawn_and_the_console_is_silent(shown, tmp_path):
     assert said == []
 
 
-def test_a_table_is_copied_for_a_spreadsheet_and_pictures_are_smaller_on_paper(browser, tmp_path):
+def test_a_table_is_copied_for_a_spreadsheet_and_pictures_are_smaller_on_paper(tab, tmp_path):
     path = write_report(studies.small(), tmp_path / "report.html", title="Study")
-    page = browser.new_page()
+    page = tab()
     page.goto(path.as_uri())
     page.evaluate(
         "() => { window.was = []; "
@@ -63,13 +63,13 @@ def test_a_table_is_copied_for_a_spreadsheet_and_pictures_are_smaller_on_paper(b
     assert sum(paper) < 0.95 * sum(before)
 
 
-def test_a_tall_picture_stands_on_the_first_page_and_nothing_prints_a_page_of_its_own(browser, tmp_path):
+def test_a_tall_picture_stands_on_the_first_page_and_nothing_prints_a_page_of_its_own(tab, tmp_path):
     """An answer of two lines, a picture of 700 px, what is only good to know: a page with room for all of it."""
     tall = Drawing(go.Figure(go.Scatter(y=[1, 2]), {"title": "Tall", "margin": {"t": 60}, "height": 700}))
     rests_on = "What it rests on, in a sentence that needs more than one line. " * 3
     found = sections(section("seen", "Seen", tall), findings_section([Finding("gap", "info", "Good to know.")]))
     path = write_account(Account("Study", ("The answer.", *[rests_on] * 9), found), tmp_path / "page.html")
-    page = browser.new_page()
+    page = tab()
     page.goto(path.as_uri())
     page.locator(".main-svg").first.wait_for()
     assert page.locator("#findings h2").is_visible()
@@ -96,11 +96,11 @@ _TOUCHING = """() => {
 }"""
 
 
-def test_long_names_of_runs_and_displacements_do_not_run_into_each_other(browser, tmp_path):
+def test_long_names_of_runs_and_displacements_do_not_run_into_each_other(tab, tmp_path):
     names = ["Lauf 3 Wechsel 12:30", "Lauf 2 Stufen morgens und nachmittags mit Pause, Halle offen", *"ab"]
     found = long_named(names, "Verlagerung Spindel Z")
     path = write_report(found, tmp_path / "report.html")
-    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page = tab()
     page.goto(path.as_uri())
     on_screen = page.evaluate(_TOUCHING)
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")

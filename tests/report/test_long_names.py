@@ -15,12 +15,13 @@ def test_long_names_in_tables_may_be_broken_behind_an_underscore_and_stay_texts(
     assert ">T_1<" in page
 
 
-def test_a_name_without_a_place_to_break_it_leaves_the_other_columns_their_room(tmp_path, browser):
+def test_a_name_without_a_place_to_break_it_leaves_the_other_columns_their_room(tmp_path, tab):
     told = table(["machine", "status", "reason"], [("m" * 80, "failed", "/" + "p" * 90), ("m1", "done", "")])
     write_account(
         Account("A fleet", (), sections(section("s", "Machines", captioned("", told)))), tmp_path / "page.html"
     )
-    page = browser.new_page(viewport={"width": 800, "height": 900})
+    page = tab()
+    page.set_viewport_size({"width": 800, "height": 900})
     page.goto((tmp_path / "page.html").as_uri())
     assert page.evaluate("(t => t.scrollWidth <= t.clientWidth)(document.querySelector('.scroll'))")
     page.close()

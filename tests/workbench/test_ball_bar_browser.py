@@ -35,16 +35,15 @@ def test_the_command_says_what_was_asked_and_nothing_else(tmp_path):
     assert ball_bar_command(tmp_path, bench.ball_bar, files) == words
 
 
-def test_a_measured_file_goes_in_and_its_causes_come_out(browser, tmp_path):
+def test_a_measured_file_goes_in_and_its_causes_come_out(tab, tmp_path):
     (tmp_path / "study").mkdir()
     bench = Bench((tmp_path / "study").resolve())
     file = PlantedCircles(5).write(tmp_path / "test of may.txt")
     server = started(bench)
     said: list[str] = []
     try:
-        context = browser.new_context(viewport={"width": 1280, "height": 1000})
-        context.set_default_timeout(PATIENCE_MS)
-        page = context.new_page()
+        page = tab()
+        page.set_default_timeout(PATIENCE_MS)
         page.on("pageerror", lambda error: said.append(str(error)))
         page.goto(server.access.address)
         page.locator("#to-ballbar").click()
@@ -64,7 +63,7 @@ def test_a_measured_file_goes_in_and_its_causes_come_out(browser, tmp_path):
         frame = page.frame_locator("#ballbar-answer iframe")
         frame.locator(".polar").first.wait_for()
         frame.get_by_text("Through all feeds").first.wait_for()
-        context.close()
+        page.close()
     finally:
         server.close()
     assert said == []

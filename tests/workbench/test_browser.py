@@ -44,11 +44,10 @@ def served(bench):
 
 
 @pytest.fixture
-def page(browser, served):
+def page(tab, served):
     """The opened workbench; whatever a script says is wrong fails the test, and so does any dialog."""
-    context = browser.new_context(viewport={"width": 1280, "height": 900}, accept_downloads=True)
-    context.set_default_timeout(PATIENCE_MS)
-    opened = context.new_page()
+    opened = tab()
+    opened.set_default_timeout(PATIENCE_MS)
     said: list[str] = []
     opened.on("pageerror", lambda error: said.append(str(error)))
     opened.on("console", lambda line: said.append(line.text) if line.type == "error" else None)
@@ -56,7 +55,7 @@ def page(browser, served):
     opened.goto(served.access.address)
     opened.get_by_role("button", name="Choose recordings …").wait_for()
     yield opened
-    context.close()
+    opened.close()
     assert said == []
 
 
@@ -358,13 +357,11 @@ def test_a_file_that_is_larger_than_any_other_request_may_be(page, bench, study,
     page.locator("#selection-start").wait_for()
 
 
-def test_without_the_token_there_is_a_sentence_and_nothing_else(browser, served):
-    context = browser.new_context()
-    opened = context.new_page()
+def test_without_the_token_there_is_a_sentence_and_nothing_else(tab, served):
+    opened = tab()
     answer = opened.goto(f"http://127.0.0.1:{served.access.port}/")
     assert answer.status == 403
     assert "token" in opened.inner_text("body")
-    context.close()
 
 
 def test_a_foreign_page_cannot_use_the_cookie(page, served, study, tmp_path):

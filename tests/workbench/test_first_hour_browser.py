@@ -52,22 +52,21 @@ def bench(tmp_path):
 
 
 @pytest.fixture
-def page(browser, bench, tmp_path):
+def page(tab, bench, tmp_path):
     """The workbench as the file opens it that the command names to the browser; what a script complains of fails."""
     server = started(bench)
     opener = tmp_path / "opener.html"
     opener.write_text(server.access.opener(), encoding="utf-8")
     said: list[str] = []
-    # axe is put into the page, which its policy forbids to everybody else
-    context = browser.new_context(viewport={"width": 1280, "height": 900}, bypass_csp=True)
-    context.set_default_timeout(PATIENCE_MS)
-    opened = context.new_page()
+    # axe is put into the page
+    opened = tab(bypass_csp=True)
+    opened.set_default_timeout(PATIENCE_MS)
     opened.on("pageerror", lambda error: said.append(str(error)))
     opened.on("console", lambda line: said.append(line.text) if line.type == "error" else None)
     opened.goto(opener.as_uri())
     opened.get_by_role("button", name="Choose recordings …").wait_for()
     yield opened
-    context.close()
+    opened.close()
     server.close()
     assert said == []
 

@@ -46,15 +46,14 @@ def _opened_until(page, place, name):
             page.keyboard.press("Escape")
 
 
-def test_a_tap_test_goes_in_and_joints_come_out(browser, tmp_path):
+def test_a_tap_test_goes_in_and_joints_come_out(tab, tmp_path):
     (tmp_path / "study").mkdir()
     bench = Bench((tmp_path / "study").resolve())
     server = started(bench)
     said: list[str] = []
     try:
-        context = browser.new_context(viewport={"width": 1280, "height": 1000})
-        context.set_default_timeout(PATIENCE_MS)
-        page = context.new_page()
+        page = tab()
+        page.set_default_timeout(PATIENCE_MS)
         page.on("pageerror", lambda error: said.append(str(error)))
         page.goto(server.access.address)
         page.locator("#to-taps").click()
@@ -71,7 +70,7 @@ def test_a_tap_test_goes_in_and_joints_come_out(browser, tmp_path):
         page.locator("#taps-start").click()
         page.locator("#taps-answer").get_by_role("link", name="Fitted model file").wait_for()
         page.frame_locator("#taps-answer iframe").get_by_text("tool").first.wait_for()
-        context.close()
+        page.close()
     finally:
         server.close()
     assert said == []
