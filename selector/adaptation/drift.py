@@ -184,7 +184,8 @@ class Known(NamedTuple):
     @classmethod
     def before(cls, drift: Drift, of: Tracked, course: Indices, touches: Indices, time_s: Array, m: Array) -> Known:
         """At these samples of these courses, before which so many touch-offs were."""
-        since_s, offset, gain, v, c, u = (table[course, touches] for table in of[:6])
+        at = course * of[0].shape[1] + touches
+        since_s, offset, gain, v, c, u = (table.take(at) for table in of[:6])
         passed = time_s - since_s
         v, u = v + drift.offset_um2_per_s * passed, u + drift.gain_per_s * passed
         return cls(offset + gain * m, v + 2.0 * c * m + u * m * m + drift.noise_um2)

@@ -74,10 +74,8 @@ def _largest_gains(columns: Matrix, targets: Matrix) -> Vector:
     """The largest gain of any column alone, in each of the targets; 0 where no column is left."""
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-6 * size.max(initial=0.0)]
-    if columns.shape[1] == 0:
-        return np.zeros(targets.shape[1])
     columns = columns / np.linalg.norm(columns, axis=0)
-    return np.asarray(np.max((columns.T @ targets) ** 2, axis=0))
+    return np.asarray(np.max((columns.T @ targets) ** 2, axis=0, initial=0.0))
 
 
 def _times(gains: Vector) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -208,8 +209,7 @@ def aligned(
 def course_of(line: Line, comparison: Comparison, abscissa: Vector, weight: Vector) -> Vector:
     """cos(2π·cycles·abscissa + phase of the run)·weight, 0 in runs without the line."""
     result = np.zeros(len(abscissa))
-    for k, (_, rows) in enumerate(comparison.rows_of_runs()):
-        phase = line.phases[k]
+    for phase, (_, rows) in zip(line.phases, comparison.rows_of_runs(), strict=True):
         if phase is not None:
             result[rows] = np.cos(2.0 * np.pi * line.cycles * abscissa[rows] + phase) * weight[rows]
     return result
@@ -242,6 +242,12 @@ class _Looked:
         """The course of a part turned back by a line."""
         return np.asarray(self.left[part] * self.weight[part] * np.exp(-2j * np.pi * cycles * self.abscissa[part]))
 
+    def power(self, part: slice, cycles: Vector) -> Vector:
+        """Power of a part at cycles (n,) that are equally far apart: one wave times another is the next."""
+        step = np.exp(-2j * np.pi * (cycles[1] - cycles[0]) * self.abscissa[part])
+        waves = accumulate(cycles[1:], lambda wave, _: wave * step, initial=self.turned(part, cycles[0]))
+        return np.array([abs(wave.sum()) ** 2 for wave in waves])
+
     def phase(self, part: slice, cycles: float) -> float:
         """φ of cos(2π·cycles·abscissa + φ)·weight in a stretch that went through the filter, as the line did."""
         turn = 2.0 * np.pi * cycles * self.abscissa[part]
@@ -256,8 +262,7 @@ def _line(of: _Looked, runs: tuple[int, ...], cycles: float, strength: float, *,
     span = max(float(np.ptp(of.abscissa[part])) for part in looked)
     tried = cycles + np.linspace(-0.6, 0.6, 13) / span
     for width in (0.1, 0.02):
-        power = [sum(abs(complex(np.sum(of.turned(part, f)))) ** 2 for part in looked) for f in tried]
-        cycles = float(tried[int(np.argmax(power))])
+        cycles = float(tried[int(np.argmax(sum(of.power(part, tried) for part in looked)))])
         tried = cycles + np.linspace(-width, width, 9) / span
     pieces = [np.array([p.sum() for p in np.array_split(of.turned(part, cycles), _PIECES)]) for part in looked]
     if not (_is_lasting(pieces) if is_near else _is_steady(pieces, strength)):
