@@ -55,8 +55,7 @@ def shown(value: object) -> str:
     if isinstance(value, dict | list | tuple):
         kind = "object" if isinstance(value, dict) else "array"
         return f"an {kind} with {len(value)} {'entry' if len(value) == 1 else 'entries'}"
-    text = value if isinstance(value, _Refused) else json.dumps(value, ensure_ascii=True, default=repr)
-    line = text.text if isinstance(text, _Refused) else text
+    line = value.text if isinstance(value, _Refused) else json.dumps(value, ensure_ascii=True, default=repr)
     return line if len(line) <= SHOWN_CHARACTERS else f"{line[: SHOWN_CHARACTERS - 1]}…"
 
 
@@ -99,7 +98,7 @@ def parsed_json(
     if refused is not None:
         path, refusal = refused
         raise ModelFileError(
-            refusal.text if len(refusal.text) <= SHOWN_CHARACTERS else f"{refusal.text[: SHOWN_CHARACTERS - 1]}…",
+            shown(refusal),
             expected=refusal.expected,
             where=f"{where}, {json_path(path)}",
             advice="correct this place, or export the model again",
@@ -146,21 +145,18 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _first_refused(value: Any, most_entries: int, most_values: int) -> tuple[tuple[str | int, ...], _Refused] | None:
-    stack: list[tuple[tuple[str | int, ...], Any]] = [((), value)]
-    count = 0
+    kinds = (dict, list, _Refused)
+    stack: list[tuple[tuple[str | int, ...], Any]] = [((), value)] if isinstance(value, kinds) else []
+    count = 1
     while stack:
         path, item = stack.pop()
-        count += 1
-        if count > most_values:
-            return (), _Refused(f"more than {most_values} values", "a document of a size that can be worked with")
         if isinstance(item, _Refused):
             return path, item
-        if isinstance(item, dict | list) and len(item) > most_entries:
+        if len(item) > most_entries:
             return path, _Refused(shown(item), f"at most {most_entries} entries")
-        if isinstance(item, dict):
-            stack.extend(((*path, key), child) for key, child in reversed(item.items()))
-        elif isinstance(item, list):
-            stack.extend(
-                ((*path, i), child) for i, child in zip(range(len(item) - 1, -1, -1), reversed(item), strict=True)
-            )
+        count += len(item)
+        if count > most_values:
+            return (), _Refused(f"more than {most_values} values", "a document of a size that can be worked with")
+        children = item.items() if isinstance(item, dict) else enumerate(item)
+        stack.extend(reversed([((*path, key), child) for key, child in children if isinstance(child, kinds)]))
     return None

@@ -286,7 +286,7 @@ HOSTILE = {
     "inputs": '"inputs": [' + "{}," * 100_000 + "{}]",
     "numbers in a series": '"test_vectors": [{"time_s": [' + "1," * 100_000 + "1]}]",
     "unknown keys": '"validation": {' + ",".join(f'"{i}": {{"x{"y" * (i % 2)}": 1}}' for i in range(20_000)) + "}",
-    "small parts": '"fallbacks": [' + ",".join(['{"inputs": [' + "{}," * 1200 + "{}]}"] * 450) + "]",
+    "small parts": '"fallbacks": [' + ",".join(['{"inputs": [' + "null," * 1200 + "null]}"] * 450) + "]",
 }
 
 
