@@ -59,6 +59,7 @@ def calls(name: str) -> list[tuple[Path, ast.Call]]:
     return [(path, one) for path, one in all_calls() if last_name(one.func) == last and ast.unparse(one.func) == name]
 
 
+@cache
 def table_used_by(path: Path) -> Kinds:
     [module] = {
         node.module or ""
