@@ -33,18 +33,18 @@ TOLD = """fetch("/sensors/move", {method: "POST", headers: {"Content-Type": "app
 N_SHOWN = "document.querySelector('#sensors-facts dd').textContent.split(',').length"
 
 
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory):
-    recordings = tmp_path_factory.mktemp("recordings")
-    # so long as to push the tabs, where it may
-    folder = tmp_path_factory.mktemp("a study of a machine in a hall, in a folder of its own")
+@pytest.fixture
+def bench(tmp_path):
+    recordings = tmp_path / "recordings"
+    recordings.mkdir()
+    folder = tmp_path / "study"
+    folder.mkdir()
     files = studies.written(recordings)
     return Bench(folder.resolve(), files, recordings / "machine.toml")
 
 
-@pytest.fixture(scope="module")
-def opened(tab, bench):
-    """One page for all tests, and what its scripts said: its four pictures are two thirds of the work of each."""
+@pytest.fixture
+def page(tab, bench):
     server = started(bench)
     said: list[str] = []
     opened = tab()
@@ -52,21 +52,13 @@ def opened(tab, bench):
     opened.on("pageerror", lambda error: said.append(str(error)))
     opened.on("console", lambda line: said.append(line.text) if line.type == "error" else None)
     opened.goto(server.access.address)
-    yield opened, said
+    opened.locator("#to-sensors").click()
+    opened.locator("#sensors-facts dd").first.wait_for()
+    for name in ("tree", "machine", "sets", "runs"):
+        opened.locator(f"#sensors-{name} .main-svg").first.wait_for()
+    yield opened
     opened.close()
     server.close()
-
-
-@pytest.fixture
-def page(opened):
-    """The page as a test begins with it; λ, a set and places stay as the test before left them."""
-    shown, said = opened
-    shown.set_viewport_size({"width": 1280, "height": 900})
-    shown.locator("#to-sensors").click()
-    shown.locator("#sensors-facts dd").first.wait_for()
-    for name in ("tree", "machine", "sets", "runs"):
-        shown.locator(f"#sensors-{name} .main-svg").first.wait_for()
-    yield shown
     assert said == []
 
 
@@ -207,7 +199,7 @@ STUCK = """() => {
 
 
 def test_the_head_of_the_page_hides_no_dial_that_sticks_below_it(page, bench):
-    assert len(str(bench.folder)) > 60
+    assert len(str(bench.folder)) > 60  # a folder so long as to push the tabs, where it may
     for width in (1280, 800, 400):
         page.set_viewport_size({"width": width, "height": 900})
         page.evaluate("window.scrollTo(0, 900)")
