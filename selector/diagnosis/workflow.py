@@ -335,8 +335,9 @@ def _named(state: _State) -> _State:
     told = [confirmed(state.comparison, state.search, id_) for id_ in state.search.named]
     largest = max((effect.share for effect in told), default=0.0)
     kept = [as_carried(effect, state.search) for effect in told if _is_sure(effect, state, largest)]
-    # beside structure that is nobody's, a second name is as often a part of that as it is right
+    # beside structure that is nobody's, a second name is as often a part of that as it is right; one run does not tell
     is_misfit = any(state.search.misfit.get(effect.channel, 1.0) > 1.0 for effect in kept)
+    is_misfit |= len(state.comparison.runs) == 1 and sum(not is_data(effect.id) for effect in kept) > 1
     if len(kept) >= (_MANY_BESIDE_MISFIT if is_misfit else _MANY):
         kept = [replace(effect, confidence=min(effect.confidence, SUSPECTED)) for effect in kept]
     ids = {effect.id for effect in kept}

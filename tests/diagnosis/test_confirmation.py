@@ -24,8 +24,8 @@ from selector.diagnosis.evidence.naming import as_carried, named_effect, or_para
 from selector.diagnosis.evidence.recalibration import contradicted, recalibrated
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
-from selector.diagnosis.workflow import _is_sure, _named_clearly, _State, diagnosis
-from tests.diagnosis.made import comparison, late_run
+from selector.diagnosis.workflow import _is_sure, _named, _named_clearly, _State, diagnosis
+from tests.diagnosis.made import RUNS, comparison, late_run
 
 N = 3 * 600
 EFFECTS = tuple(effect_of(name) for name in ("thermal.memory", "thermal.instant_speed"))
@@ -374,3 +374,22 @@ def test_what_is_little_and_suspected_beside_a_name_that_is_none_is_none_either(
         kept = _named_clearly(replace(state, effects=(gone, other))).effects
         assert kept == ((other,) if is_kept else ())
     assert _named_clearly(replace(state, effects=(beside,))).effects == (beside,)
+
+
+@pytest.mark.parametrize(
+    ("second", "runs", "sure"),
+    [("thermal.interaction", 1, 0.5), ("thermal.interaction", 2, 0.9), ("data.stuck", 1, 0.9)],
+)
+def test_two_names_of_physics_in_one_run_are_half_sure_as_it_does_not_tell_structure(
+    slow, monkeypatch, second, runs, sure
+):
+    made, result = found(slow, 1.0)
+    made = replace(made, runs=RUNS[:runs], starts=(0, N) if runs == 1 else (0, N // 3, N))
+    both = ("thermal.memory", second)
+    result = replace(result, named=dict.fromkeys(both, result.named["thermal.memory"]), misfit={"Z": 1.0})
+    one = replace(named_effect(*found(slow, 1.0), "thermal.memory"), confidence=0.9)
+    monkeypatch.setattr(workflow, "confirmed", lambda comparison, found, id_: replace(one, id=id_))
+    monkeypatch.setattr(workflow, "as_carried", lambda effect, found: effect)
+    monkeypatch.setattr(workflow, "_is_sure", lambda effect, state, largest: True)
+    state = _State(made, None, search=result)  # type: ignore[arg-type]
+    assert [(effect.id, effect.confidence) for effect in _named(state).effects] == [(id_, sure) for id_ in both]
