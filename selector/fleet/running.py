@@ -74,14 +74,6 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
     or the results folder is that of another fleet.
     """
     in_use = _in_use(fleet, refit)
-    if in_use and not in_use.keys() & fleet.studies.keys():
-        raise StudyError(
-            f"answers of other machines: {', '.join(in_use)}"[:300],
-            expected=f"answers of this fleet ({', '.join(fleet.studies)}"[:300] + "), or none",
-            where=str(fleet.results),
-            advice="name another folder under `results`; if the machines were renamed, move fleet.json away: what has "
-            "an answer keeps it",
-        )
     if fleet.memory_limit_gb is not None and fleet.memory_limit_gb < (least_gb := workers.least_gb()):
         workers.close()
         raise StudyError(
@@ -90,11 +82,8 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
             where=f"{fleet.place}, key memory_limit_gb",
             advice="raise it, or leave the key out",
         )
-    found = {
-        name: one if name in fleet.studies else without_use(one, _MISSING, "missing")
-        for name, one in in_use.items()
-        if refit
-    }
+    earlier = in_use.items() if refit else ()
+    found = {name: one if name in fleet.studies else without_use(one, _MISSING, "missing") for name, one in earlier}
     written = time.monotonic()
     try:
         for done, (name, answer) in enumerate(_answers(fleet, workers, in_use, refit=refit), start=1):
@@ -117,7 +106,7 @@ def read_answer(results: Path) -> FleetAnswer:
         return FleetAnswer.model_validate_json(place.read_bytes())
     except (OSError, ValidationError) as error:
         raise ResultError(
-            "no file" if isinstance(error, OSError) else f"something else ({str(error).splitlines()[0]})",
+            "no file" if isinstance(error, FileNotFoundError) else f"something else ({str(error).splitlines()[0]})",
             expected="what `selector fleet run` writes",
             where=str(place),
             advice="run the fleet first",
@@ -125,13 +114,22 @@ def read_answer(results: Path) -> FleetAnswer:
 
 
 def _in_use(fleet: Fleet, refit: bool) -> dict[str, Answer]:
+    """Machines that have a model. Raises StudyError: the results folder is that of another fleet."""
     try:
         machines = read_answer(fleet.results).machines
     except ResultError:
         if refit:
             raise
         return {}
-    return {name: one for name, one in machines.items() if has_model(one, fleet.results)}
+    in_use = {name: one for name, one in machines.items() if has_model(one, fleet.results)}
+    if in_use and not in_use.keys() & fleet.studies.keys():
+        raise StudyError(
+            f"answers of other machines: {', '.join(in_use)}"[:300],
+            expected=f"answers of this fleet ({', '.join(fleet.studies)}"[:300] + "), or none",
+            where=str(fleet.results),
+            advice="name another folder under `results`; if machines were renamed, move fleet.json away: answers stay",
+        )
+    return in_use
 
 
 def has_model(answer: Answer, results: Path) -> bool:
@@ -239,6 +237,7 @@ def shared_recordings(results: Path, answers: Mapping[str, Answer]) -> tuple[Sha
 
 
 def _write(fleet: Fleet, found: dict[str, Answer], shared: tuple[Shared, ...] = ()) -> FleetAnswer:
+    _in_use(fleet, refit=False)  # another fleet may have begun here at the same time
     order = dict.fromkeys((*fleet.studies, *found))
     answer = FleetAnswer.of({name: found[name] for name in order if name in found}, shared)
     try:

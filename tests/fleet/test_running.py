@@ -190,6 +190,22 @@ def test_a_results_folder_of_another_fleet_is_told_and_left_as_it_was(fleet):
     )
 
 
+def test_another_fleet_that_began_in_the_same_empty_folder_meanwhile_loses_nothing(fleet):
+    other = replace(fleet, studies={"mill": fleet.studies["m0"]})
+
+    class Meanwhile(Told):
+        def start(self, task):
+            if task.name == "m2":
+                run_fleet(other, Told({"mill": [DONE]}))
+            super().start(task)
+
+    workers = Meanwhile({f"m{i}": [DONE] for i in range(4)}, jobs=1)
+    with pytest.raises(StudyError, match="answers of other machines: mill"):
+        run_fleet(fleet, workers)
+    assert workers.closed
+    assert list(read_answer(fleet.results).machines) == ["mill"]
+
+
 @pytest.mark.parametrize(("command", "file"), [("run", RESULT_FILE), ("watch", "watch.json"), ("report", "fleet.html")])
 def test_a_file_of_somebody_else_is_not_written_over(tmp_path, command, file, monkeypatch, capsys):
     monkeypatch.setattr("selector.fleet.Processes", lambda _: Here())
@@ -245,6 +261,10 @@ def test_what_a_study_could_not_write_is_known_from_what_it_could_not_do(tmp_pat
 def test_a_folder_without_results_is_told(tmp_path):
     with pytest.raises(ResultError, match="fleet"):
         read_answer(tmp_path)
+    (tmp_path / RESULT_FILE).mkdir()
+    with pytest.raises(ResultError, match=r"something else \(.*directory"):  # as where it may not be read
+        read_answer(tmp_path)
+    (tmp_path / RESULT_FILE).rmdir()
     (tmp_path / RESULT_FILE).write_text("{}")
     with pytest.raises(ResultError, match="something else"):
         read_answer(tmp_path)
