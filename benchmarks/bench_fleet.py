@@ -287,8 +287,10 @@ def of_copies(folder: Path, broken: list[str], n_machines: int) -> None:
         place.mkdir(parents=True)
         for file in of.iterdir():
             os.link(file, place / file.name)
+    # a results folder is that of one fleet: these begin with the answers, as if the machines had been renamed
+    shutil.copytree(folder / "jobs2", folder / "answered", ignore=shutil.ignore_patterns("fleet.json"))
     named = folder / "FLEET-copies.toml"
-    named.write_text('results = "jobs2"\nfolders = ["copies/*"]\n[select]\nmax_sensors = 3\n')
+    named.write_text('results = "answered"\nfolders = ["copies/*"]\n[select]\nmax_sensors = 3\n')
     line = [sys.executable, "-m", "selector", "fleet", "run", str(named), "--jobs", "2", "--json"]
     answer, seconds, used = run(line)
     print(

@@ -147,8 +147,7 @@ def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answ
         machine_sha256 = None if machine is None else hashes[machine]
         key = key_of(study, [(name, hashes[file]) for file, name in _names(found.files)], machine_sha256)
         tell_key(key)
-        known = known_answer(task.results / key)
-        if known is not None:
+        if (known := known_answer(task.results / key)) is not None:
             return _answer("reused", key, known)
 
         def in_time(_doing: str = "", _share: float = 0.0) -> None:

@@ -207,19 +207,15 @@ def kept(reading: Reading, folder: Path) -> tuple[list[Path], int, int]:
     Rows of a time that is kept already give only what is missing there. A clock without a zone is kept as it is, as
     if it were UTC.
 
-    Raises OptionError: no machine has the recordings, a run has no date or a clock that jumps back, or the lake cannot
-    be read or written.
+    Raises OptionError: no machine has the recordings, a run has no date, a clock that jumps back or another unit than
+    the machine file says, or the lake cannot be read or written.
     """
     name = None if reading.machine is None else reading.machine.machine.name
     if name is None or not re.fullmatch(FOLDER, name):
         found = "recordings of no machine" if name is None else f"a machine called {name!r}"
         advice = "describe RUN… --write machine.toml writes one; give its machine a name and add --machine"
-        raise OptionError(
-            found,
-            expected="a machine file with a name of letters, digits, . _ and - under [machine]",
-            where="--lake",
-            advice=advice,
-        )
+        expected = "a machine file with a name of letters, digits, . _ and - under [machine]"
+        raise OptionError(found, expected=expected, where="--lake", advice=advice)
     undated = [run.name for run in reading.runs if run.start is None]
     if undated:
         found = f"{', '.join(undated[:6])} without a date"
@@ -230,6 +226,12 @@ def kept(reading: Reading, folder: Path) -> tuple[list[Path], int, int]:
         found = f"{back.where.run}, whose clock jumps back ({back.evidence['cause']})"
         advice = "write the recording with UTC or with the zone at each time, or cut the file there"
         raise OptionError(found, expected="every time once", where="--lake", advice=advice)
+    told = next((one.evidence for one in reading.findings if one.evidence.get("believed") == "declared"), None)
+    if told is not None:  # what a lake has stays: a month in °F would be one in °C for good
+        of, unit, printed = told["channels"], told["asked"], next(iter(told["in_file"]))
+        found = f"{', '.join(of)} in {unit} by the machine file, in {printed} by the headers"
+        advice = f"say which it is: --unit {of[0]}={printed}, or {unit}, and so for each channel"
+        raise OptionError(found, expected="one unit of each channel", where="--lake", advice=advice)
     recording = reading.recording
     sections = {one.name: channel_section(one, one.name, one.unit) for one in recording.channels}
     files: set[Path] = set()

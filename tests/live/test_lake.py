@@ -110,6 +110,26 @@ def test_another_unit_is_the_same_channel_and_a_new_channel_comes_beside_it(tmp_
     capsys.readouterr()
 
 
+def test_a_month_in_another_unit_than_the_machine_file_says_is_refused_until_it_is_said_which(
+    tmp_path, machine, capsys
+):
+    lake = tmp_path / "lake"
+    assert put(lake, machine, table(tmp_path / "a.csv", "2026-03-31 10:00:00", 60)) == 0
+    before = {path: path.read_bytes() for path in lake.rglob("*") if path.is_file()}
+    other = table(tmp_path / "b.csv", "2026-04-01 10:00:00", 60, header="time,T1 [degF],Z [um]", first=68.0)
+    capsys.readouterr()
+    assert put(lake, machine, other) == 2
+    told = capsys.readouterr().err
+    assert all(word in told for word in ("T1 in degC", "in degF", "--unit T1=degF"))
+    assert before == {path: path.read_bytes() for path in lake.rglob("*") if path.is_file()}
+    day = lake / "machine=lathe-3" / "month=2026-04" / "2026-04-01.parquet"
+    asked = ["convert", other, "--machine", machine, "--out", str(lake), "--lake", "--unit"]
+    for unit, first in (("degF", 20.0), ("degC", 68.0)):
+        assert exit_status([*asked, f"T1={unit}"]) == 0
+        assert pq.ParquetFile(day).read().to_pandas()["T1"][0] == pytest.approx(first)
+        day.unlink()
+
+
 def machine_of(tmp_path):
     path = tmp_path / "later.toml"
     path.write_text('[machine]\nname = "lathe-3"\n', encoding="utf-8")
