@@ -1,12 +1,15 @@
 """Which recordings came after a model: those later than all that it was learnt from and judged on."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from selector.findings import Finding
+from selector.quality import inspect
 from selector.readers import Reading
 from selector.recording import Recording
+
+Files = Sequence[Path]  #: Of recordings
 
 
 def by_age(reading: Reading, seen: Collection[str]) -> tuple[dict[str, Path], dict[str, Path]]:
@@ -24,9 +27,7 @@ def runs_by_age(recording: Recording) -> list[str]:
     """Runs as they were recorded, by their clock where each has one; else as they are named."""
     known = recording.provenance.get("runs", {})
     starts = {name: known.get(name, {}).get("start") for name in recording.runs}
-    if None in starts.values():
-        return list(starts)
-    return sorted(starts, key=lambda name: str(starts[name]))
+    return list(starts) if None in starts.values() else sorted(starts, key=lambda name: str(starts[name]))
 
 
 def part_of(reading: Reading, files: Collection[Path]) -> Reading:
@@ -36,6 +37,17 @@ def part_of(reading: Reading, files: Collection[Path]) -> Reading:
     frame = reading.recording.frame
     recording = reading.recording.with_values(frame[frame.index.get_level_values("run").isin(names)])
     return replace(reading, recording=recording, runs=runs, findings=tuple(_told_of(reading.findings, names)))
+
+
+def faults_beside(whole: Reading, known: Files, later: Files, channels: Collection[str]) -> Iterator[Finding]:
+    """Findings of level error about some channels in later recordings, judged beside those known before.
+
+    What most runs have is taken for usual: of later ones alone, or many beside few, what all of them have is not seen.
+    """
+    part = part_of(whole, [*known, *later])
+    found = inspect(part.recording, [name for name in channels if name in part.recording.names])
+    runs = {run.name for run in part.runs if Path(run.file) in later}
+    yield from _told_of([one for one in found if one.level == "error"], runs)
 
 
 def _told_of(findings: Collection[Finding], runs: Collection[str]) -> Iterator[Finding]:

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -139,8 +138,7 @@ def error_text(error: Exception) -> str:
 
 def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answer:
     study = task.study
-    with tempfile.TemporaryDirectory() as folder:
-        named, machine = local_recordings(study.recordings, Path(folder))
+    with local_recordings(study.recordings) as (named, machine):
         found = recording_files(runs := list(named))
         machine = machine or found.machine
         hashes = {file: sha256_of(file) for file in (*found.files, *([machine] if machine else []))}

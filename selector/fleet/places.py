@@ -8,6 +8,7 @@ import secrets
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Lock
 from typing import Any
 
@@ -77,10 +78,13 @@ def local_paths(references: Sequence[str], folder: Path) -> dict[Path, str]:
     return paths
 
 
-def local_recordings(recordings: Recordings, folder: Path) -> tuple[dict[Path, str], Path | None]:
-    """What is named of recordings, and their machine file if one is named, here; as `local_paths`."""
+@contextmanager
+def local_recordings(recordings: Recordings) -> Iterator[tuple[dict[Path, str], Path | None]]:
+    """What is named of recordings, and their machine file if one is named, here as long as the block lasts."""
     named = [recordings.machine] if recordings.machine else []
-    return local_paths(recordings.runs, folder / "runs"), next(iter(local_paths(named, folder / "machine")), None)
+    with TemporaryDirectory() as folder:
+        machine = next(iter(local_paths(named, Path(folder) / "machine")), None)
+        yield local_paths(recordings.runs, Path(folder) / "runs"), machine
 
 
 def reference_of(file: Path, named: Mapping[Path, str]) -> str:

@@ -5,7 +5,6 @@ import math
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Literal
 
 import numpy as np
@@ -14,10 +13,9 @@ from scipy import stats
 from selector.controllers.model_file import read_model
 from selector.errors import InputError, StorageError
 from selector.findings import Finding
-from selector.fleet.later_runs import by_age, part_of
+from selector.fleet.later_runs import by_age, faults_beside, part_of
 from selector.fleet.machine_study import Answer, Refit, done_of, question_of
 from selector.fleet.places import local_recordings, reference_of
-from selector.quality import inspect
 from selector.readers import Reading, read
 from selector.readers.files import recording_files
 from selector.study.applied import applied
@@ -72,8 +70,7 @@ def challenge_of(study: Study, champion: Answer, results: Path) -> Challenge | A
 
 def _challenge(study: Study, champion: Answer, learnt: Set[str]) -> Challenge | Answer:
     seen, later = learnt | set(champion.judged), dict[str, Path]()
-    with TemporaryDirectory() as folder:
-        named, machine = local_recordings(study.recordings, Path(folder))
+    with local_recordings(study.recordings) as (named, machine):
         files = recording_files(list(named))
         machine = machine or files.machine
         if any(sha256_of(file) not in seen for file in files.files):
@@ -106,8 +103,7 @@ def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
     if wrong:
         return kept(champion, f"the new study has an error: {wrong[0]}", challenger.key)
     try:
-        with TemporaryDirectory() as folder:
-            runs, machine = local_recordings(challenge.recordings, Path(folder))
+        with local_recordings(challenge.recordings) as (runs, machine):
             whole = read(list(runs), machine=machine, overrides=overrides_of(challenge.study))
         _, files = by_age(whole, ())
         reading = part_of(whole, [files[sha256] for sha256 in files if sha256 in challenge.judged])
@@ -125,13 +121,12 @@ def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
         after, wrong = _applied(results / str(challenger.key), reading)
     except InputError as error:
         return kept(champion, f"the new model could not be applied to the newest recordings: {error}", challenger.key)
-    known, judged = ([sha256 for sha256 in files if sha256 in of] for of in (challenge.known, challenge.judged))
-    # the many say which unit is the usual one: the newest are judged beside all, and as a few beside those known before
-    some = ([*known, *newest] for newest in (judged, judged[-max(1, len(known) // 2) :]))
-    beside = [part_of(whole, [files[sha256] for sha256 in one]).recording for one in some]
-    faults = [said for one in beside for said in _errors(inspect(one, [name for name in before if name in one.names]))]
+    known, judged = ([files[one] for one in files if one in of] for of in (challenge.known, challenge.judged))
+    # the newest are judged beside all, and as a few beside those known before
+    some = (judged, judged[-max(1, len(known) // 2) :])
+    faults = [one.statement for newest in some for one in faults_beside(whole, known, newest, before)]
     if faults or wrong:
-        what = "the displacement in them" if faults else "the new model"
+        what = "the displacement" if faults else "the new model"
         return kept(champion, f"in the newest recordings {what} has an error: {[*faults, *wrong][0]}", challenger.key)
     return _compared(champion, challenger, before, after, dict.fromkeys(challenge.judged, str(challenger.key)))
 

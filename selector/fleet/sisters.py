@@ -1,9 +1,7 @@
 """A model for a new machine from one to three runs: what its sisters share, and whether that carries over."""
 
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -92,8 +90,7 @@ class Pool:
         if options.memory:
             before = (runs_before(pooled, of) for of in named.values())
             datum = replace(datum, follows={run: one for of in before for run, one in of.items()})
-        inputs = (*found.question.sensors, *found.question.speeds)
-        design = Design(inputs, found.question.responses, datum)
+        design = Design((*found.question.sensors, *found.question.speeds), found.question.responses, datum)
         whole = {run for run in pooled.runs if any(True for _ in design.pieces(pooled, run))}
         known = {name: tuple(run for run in of if run in whole) for name, of in named.items()}
         return cls(pooled, found.question, datum, known, found.period_s, found.duration_s)
@@ -252,9 +249,8 @@ def _own(pool: Pool, name: str, first: Sequence[str], later: Sequence[str]) -> t
 
 
 def _proofs(name: str, rows: Rows, predicted: Array, recipe: Recipe) -> tuple[RunProof, ...]:
-    return tuple(
-        RunProof.of(name, recipe.sensors, y, y - p) for y, p in zip(rows.responses.T, predicted.T, strict=True)
-    )
+    each = zip(rows.responses.T, predicted.T, strict=True)
+    return tuple(RunProof.of(name, recipe.sensors, y, y - p) for y, p in each)
 
 
 class SharedResponse(Document):
@@ -308,14 +304,13 @@ class Sisters:
         """Whether they are sisters to a machine of which the first runs are known."""
         runs, shared = self.pool.runs[new][: self.count], self.shared
         responses = {} if shared is None else {name: self._response(shared, runs, name) for name in shared.names}
-        none = self._none_because(responses)
-        few = [name for name, known in self.pool.runs.items() if len(known) < 2 and name != new]
+        none, known = self._none_because(responses), _runs(self.count)
+        few = [name for name, of in self.pool.runs.items() if len(of) < 2 and name != new]
         return SistersAnswer(
             machine=new,
             runs=tuple(run.removeprefix(f"{new}/") for run in runs),
             verdict="none" if none else "sisters",
-            because=none
-            or f"left out in turn, its sisters are predicted better than by {_runs(self.count)} of their own",
+            because=none or f"left out in turn, its sisters are predicted better than by {known} of their own",
             sensors=() if shared is None else shared.recipe.sensors,
             shape=None if shared is None else str(shared.recipe.shape),
             left_out={**dict.fromkeys(few, "fewer than two runs with all sensors and displacements"), **left_out},
@@ -346,13 +341,10 @@ class Sisters:
         if self.shared is None:
             return f"{len(self.machines)} other machines have two usable runs or more, and {FEWEST} are needed"
         if judged < FEWEST:
-            return (
-                f"{judged} others have more than {known} and are like each other, and {FEWEST} are needed for the proof"
-            )
+            return f"{judged} others have more than {known} and are alike, and {FEWEST} are needed for the proof"
         squares = self._squares()
-        sisters = squares["sisters"]
-        others = ((squares["own"], f"{known} of their own"), (squares["none"], "no correction at all"))
-        for other, words in others:
+        for way, words in (("own", f"{known} of their own"), ("none", "no correction at all")):
+            other, sisters = squares[way], squares["sisters"]
             worse = any(least_fall(of, own) > 0.0 for own, of in zip(other, sisters, strict=True))
             if worse or least_fall(other.sum(axis=0), sisters.sum(axis=0)) <= 0.0:
                 return f"{judged} machines, left out in turn, are not predicted better, beyond chance, than by {words}"
@@ -370,8 +362,7 @@ class Sisters:
         proofs = zip(*(of["sisters"] for of in self.errors.values()), strict=True)
         origins, rests = pool.source.provenance["runs"], []
         for one in recipe.design.inputs:
-            rest = recipe_without(pool.question, recipe, one)
-            if rest is not None:
+            if (rest := recipe_without(pool.question, recipe, one)) is not None:
                 rests.append(Fallback(one, rest, _models(Shared.of(pool, rest, self.machines), runs, source), {}))
         model = ProvenModel(
             options=pool.question.options,
@@ -414,7 +405,7 @@ def _runs(count: int) -> str:
 
 
 def sisters_in(
-    fleet: Fleet, machine: str, n_runs: int | None = None, say: Say | None = None
+    fleet: Fleet, machine: str, n_runs: int | None = None, say: Say = lambda _doing, _share: None
 ) -> tuple[SistersAnswer, ModelFile | None]:
     """What the other machines of a fleet tell of one with few runs, and its model; None where sisters are none.
 
@@ -422,7 +413,6 @@ def sisters_in(
 
     Raises InputError: the machine is not in the fleet, its recordings cannot be used, or the options do not fit them.
     """
-    say = say or (lambda _doing, _share: None)
     if machine not in fleet.studies:
         raise OptionError(
             f"{machine!r}",
@@ -461,8 +451,7 @@ def sisters_in(
 
 def _recording(study: Study) -> Recording:
     """The recordings of a machine without their faults; very long ones thinned."""
-    with tempfile.TemporaryDirectory() as folder:
-        runs, machine = local_recordings(study.recordings, Path(folder))
+    with local_recordings(study.recordings) as (runs, machine):
         source = study_data(list(runs), machine, overrides_of(study)).source
         first = source.channels[0].name
         n_samples = sum(len(time_s) for run in source.runs for time_s, _ in source.chunks(run, [first]))

@@ -2,7 +2,6 @@
 
 import json
 import math
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from selector.controllers.application import Accuracy
 from selector.controllers.model_file import read_model
 from selector.errors import ResultError
 from selector.fleet.fleet_file import Fleet
-from selector.fleet.later_runs import by_age, part_of, runs_by_age
+from selector.fleet.later_runs import by_age, faults_beside, part_of, runs_by_age
 from selector.fleet.machine_study import DONE_FILE, Answer, Document, error_text, known_answer
 from selector.fleet.places import local_recordings
 from selector.fleet.running import has_model, read_answer
@@ -232,17 +231,20 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
     # what it was chosen on is flattering; where it stayed in use it was only compared
     seen = {*model.provenance.data_sha256.values(), *(one for one, key in answer.judged.items() if key == answer.key)}
     nothing = WatchedMachine(status="nothing-new", key=answer.key)
-    with tempfile.TemporaryDirectory() as folder:
-        runs_at, machine = local_recordings(study.recordings, Path(folder))
+    with local_recordings(study.recordings) as (runs_at, machine):
         files = recording_files(list(runs_at))
         if all(sha256_of(file) in seen for file in files.files):
             return nothing
         whole = read(files.files, machine=machine or files.machine, overrides=overrides_of(study))
-        _, later = by_age(whole, seen)
+        earlier, later = by_age(whole, seen)
         if not later:
             return nothing
-        reading = part_of(whole, later.values())
-        application, compared = applied(model, reading)
+        application, compared = applied(model, part_of(whole, later.values()))
+        few = list(later.values())[-max(1, len(earlier) // 2) :]
+        channels = [one.name for one in model.inputs] + [one.name for one in model.outputs]
+        told = {(one.id, one.where.channel, one.where.run) for one in application.findings if one.level == "error"}
+        beside = faults_beside(whole, list(earlier.values()), few, channels)
+        faults = [one for one in beside if (one.id, one.where.channel, one.where.run) not in told]
     runs = runs_by_age(compared)
     proved = json.loads((place / "selection.json").read_bytes())["models"]
     responses = {}
@@ -250,14 +252,13 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
         accuracies = [(run, application.per_run[run][output.name]) for run in runs]
         responses[output.name] = _response(proved.get(output.name, {}), accuracies, len(model.outputs))
     judged = [one for one in responses.values() if one.highest is not None]
-    alarm = any(one.alarm for one in responses.values())
     return WatchedMachine(
-        status="alarm" if alarm else "quiet" if judged else "not-judged",
+        status="alarm" if any(one.alarm for one in responses.values()) else "quiet" if judged else "not-judged",
         error=None if judged else _UNPROVED if any(one.runs for one in responses.values()) else _UNRECORDED,
         key=answer.key,
         runs=tuple(runs),
         responses=responses,
-        findings=tuple(one.as_dict() for one in application.findings if one.level != "info"),
+        findings=tuple(one.as_dict() for one in (*application.findings, *faults) if one.level != "info"),
     )
 
 

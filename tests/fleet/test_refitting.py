@@ -142,6 +142,18 @@ def test_a_unit_that_most_of_the_later_runs_have_is_no_better_model(fleet):
     assert "mm" in one.refit.because
 
 
+def test_a_gauge_that_was_wrong_before_does_not_keep_the_model_for_ever(tmp_path):
+    """A run in mm among those of the model is left out of it; the newest runs are right."""
+    asked = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"\n'))
+    changed(machine(tmp_path / "m", 1, n_runs=PROVED), range(2, 3), in_mm)
+    assert run_fleet(asked, Here()).done == 1
+    folder = machine(tmp_path / "m", 1, n_runs=ALL)
+    changed(folder, range(2, 3), in_mm)
+    changed(folder, range(PROVED + 1, ALL + 1), gauge_turned)
+    one = run_fleet(asked, Here(), refit=True).machines["m"]
+    assert one.refit.promoted, one.refit.because
+
+
 def test_a_model_that_is_worse_than_no_correction_is_not_taken(fleet):
     def halved(table):
         table["Z [um]"] *= 0.5

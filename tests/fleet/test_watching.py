@@ -8,7 +8,7 @@ import pytest
 
 from selector.cli import exit_status
 from selector.errors import ResultError
-from selector.fleet import Processes, read_fleet, run_fleet, watch_fleet
+from selector.fleet import Processes, read_answer, read_fleet, run_fleet, watch_fleet
 from selector.telling.fleet import watch_account
 from tests.fleet.machines import Here, changed, fleet_file, machine
 
@@ -107,6 +107,23 @@ def test_a_dead_sensor_is_among_the_findings(watched):
     assert one.runs == (f"r{ALL + 1}", f"r{ALL + 2}")
     assert one.status == "not-judged"
     assert any(finding["where"].get("channel") == sensor for finding in one.findings)
+
+
+@pytest.mark.parametrize("since", [0, 10])
+def test_a_sensor_that_stands_still_in_all_later_runs_is_to_be_looked_at(watched, since):
+    """Among these runs alone it is one that always does; the runs of the model show that it moved."""
+    sensor = read_answer(watched.results).machines["m"].sensors[0]
+
+    def frozen(table):
+        table.loc[since:, f"{sensor} [degC]"] = table[f"{sensor} [degC]"][since]
+
+    changed(watched.place.parent / "m", range(PROVED + 1, ALL + 1), frozen)
+    found = watch_fleet(watched)
+    errors = [one for one in found.machines["m"].findings if one["level"] == "error"]
+    newest = {f"r{number}" for number in range(ALL - PROVED // 2 + 1, ALL + 1)}
+    told = {(one["id"], one["where"]["channel"], one["where"]["run"]) for one in errors if one["id"] == "stuck"}
+    assert {("stuck", sensor, run) for run in newest} <= told
+    assert "Look at m." in watch_account(found).sentences
 
 
 def test_what_a_finding_of_level_error_speaks_against_is_not_told_as_before(watched):
