@@ -1,6 +1,6 @@
 """Which recordings came after a model: those later than all that it was learnt from and judged on."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +21,14 @@ def by_age(reading: Reading, seen: Collection[str]) -> tuple[dict[str, Path], di
     first = 1 + max((number for number, sha256 in enumerate(files) if sha256 in seen), default=-1)
     pairs = list(files.items())
     return dict(pairs[:first]), dict(pairs[first:])
+
+
+def older_unseen(earlier: Mapping[str, Path], seen: Collection[str]) -> str:
+    """What is told of recordings that are not new because one that was seen is newer, as by a clock in the future."""
+    older = [path.name for sha256, path in earlier.items() if sha256 not in seen]
+    newest = "".join(path.name for path in list(earlier.values())[-1:])
+    told = f"{len(older)} that were never used are older than {newest}, by clock or else by name"
+    return f"{told}, such as {older[-1]}: is one of them wrong?" if older else ""
 
 
 def runs_by_age(recording: Recording) -> list[str]:

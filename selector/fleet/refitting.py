@@ -13,7 +13,7 @@ from scipy import stats
 from selector.controllers.model_file import read_model
 from selector.errors import InputError, StorageError
 from selector.findings import Finding
-from selector.fleet.later_runs import by_age, faults_beside, part_of
+from selector.fleet.later_runs import by_age, faults_beside, older_unseen, part_of
 from selector.fleet.machine_study import Answer, Refit, done_of, question_of
 from selector.fleet.places import local_recordings, reference_of
 from selector.readers import Reading, read
@@ -69,7 +69,7 @@ def challenge_of(study: Study, champion: Answer, results: Path) -> Challenge | A
 
 
 def _challenge(study: Study, champion: Answer, learnt: Set[str]) -> Challenge | Answer:
-    seen, later = learnt | set(champion.judged), dict[str, Path]()
+    seen, earlier, later = learnt | set(champion.judged), dict[str, Path](), dict[str, Path]()
     with local_recordings(study.recordings) as (named, machine):
         files = recording_files(list(named))
         machine = machine or files.machine
@@ -79,7 +79,8 @@ def _challenge(study: Study, champion: Answer, learnt: Set[str]) -> Challenge | 
     if len(later) <= FEWEST_JUDGED:
         came = f"{len(later)} recording{'s' * (len(later) != 1)} came after it"
         last = " was last compared" if champion.judged else ""
-        return kept(champion, f"{came}{last}, and {FEWEST_JUDGED + 1} are needed")
+        older = older_unseen(earlier, seen)
+        return kept(champion, f"{came}{last}, and {FEWEST_JUDGED + 1} are needed{'; ' * bool(older)}{older}")
     hashes = list(later)[-max(FEWEST_JUDGED, math.ceil(len(later) / 2)) :]
     before = [sha256 for sha256 in earlier | later if sha256 not in hashes][-len(learnt) :]
     # of some runs another logger wrote a file, too

@@ -17,7 +17,7 @@ from selector.controllers.application import Accuracy
 from selector.controllers.model_file import read_model
 from selector.errors import ResultError
 from selector.fleet.fleet_file import Fleet
-from selector.fleet.later_runs import by_age, faults_beside, part_of, runs_by_age
+from selector.fleet.later_runs import by_age, faults_beside, older_unseen, part_of, runs_by_age
 from selector.fleet.machine_study import DONE_FILE, Answer, Document, error_text, known_answer
 from selector.fleet.places import local_recordings
 from selector.fleet.running import has_model, read_answer
@@ -230,15 +230,14 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
         )
     # what it was chosen on is flattering; where it stayed in use it was only compared
     seen = {*model.provenance.data_sha256.values(), *(one for one, key in answer.judged.items() if key == answer.key)}
-    nothing = WatchedMachine(status="nothing-new", key=answer.key)
     with local_recordings(study.recordings) as (runs_at, machine):
         files = recording_files(list(runs_at))
         if all(sha256_of(file) in seen for file in files.files):
-            return nothing
+            return WatchedMachine(status="nothing-new", key=answer.key)
         whole = read(files.files, machine=machine or files.machine, overrides=overrides_of(study))
         earlier, later = by_age(whole, seen)
         if not later:
-            return nothing
+            return WatchedMachine(status="nothing-new", error=older_unseen(earlier, seen) or None, key=answer.key)
         application, compared = applied(model, part_of(whole, later.values()))
         few = list(later.values())[-max(1, len(earlier) // 2) :]
         channels = [one.name for one in model.inputs] + [one.name for one in model.outputs]

@@ -7,7 +7,7 @@ from statistics import median
 from typing import Any
 
 from selector.fleet import FleetAnswer, FleetWatch, Overview, SistersAnswer, WatchedMachine
-from selector.number_text import number_text
+from selector.number_text import listed, number_text
 from selector.telling.account import Account, Captioned, Items, Table, captioned, legend, section, sections, table
 from selector.telling.numbers import NONE
 
@@ -154,10 +154,8 @@ def _shared(answer: FleetAnswer) -> Iterator[str]:
     """Recordings that several machines have."""
     for one in answer.shared[:_MOST_LOOKED_AT]:
         runs = ", ".join(one.runs[:3]) + (f" and {len(one.runs) - 3} more" if len(one.runs) > 3 else "")
-        yield (
-            f"{', '.join(one.machines[:-1])} and {one.machines[-1]} have the same recording"
-            f"{'s' * (len(one.runs) > 1)}, byte for byte: {runs}. Look for the machine that recorded them."
-        )
+        same = f"{listed(one.machines)} have the same recording{'s' * (len(one.runs) > 1)}, byte for byte: {runs}"
+        yield f"{same}. Look for the machine that recorded them."
     if len(answer.shared) > _MOST_LOOKED_AT:
         yield f"Other machines that share recordings: {len(answer.shared) - _MOST_LOOKED_AT} groups more (in the JSON)."
 
@@ -174,8 +172,9 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
         for response, of in one.responses.items():
             if of.alarm is not None:
                 yield f"{name}: {_CHANGED[of.alarm]} in {response} since {of.since}. Look at gauge, sensors and setup."
-    suspect = {name: _gravest(one.findings) for name, one in watched.items() if _state(one) == _SUSPECT}
-    yield from (f"{name}: {finding['statement']}" for name, finding in suspect.items())
+    suspect = {name: _gravest(one.findings)["statement"] for name, one in watched.items() if _state(one) == _SUSPECT}
+    unused = {name: one.error for name, one in watched.items() if one.status == "nothing-new"}
+    yield from (f"{name}: {what}" for name, what in (suspect | unused).items() if what)
     unwell = [(name, one.error) for name, one in answer.machines.items() if one.status in _UNWELL]
     yield from (f"{name}: {error}" for name, error in unwell[:_MOST_LOOKED_AT])
     if len(unwell) > _MOST_LOOKED_AT:
@@ -186,15 +185,12 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
     relative = _relative(answer)
     worst = [name for name in _by_error(answer) if relative.get(name, 0.0) > _UNLIKE][:_MOST_LOOKED_AT]
     if worst:
-        yield (
-            f"Record more runs, and other ones, on {', '.join(worst)}: the error on unseen runs is more than "
-            f"{_UNLIKE:g} times that of most machines."
-        )
+        times = f"{_UNLIKE:g} times that of most machines"
+        yield f"Record more runs, and other ones, on {', '.join(worst)}: the error on unseen runs is more than {times}."
     if beside.single:
         told = f"{', '.join(beside.single[:_MOST_LOOKED_AT])}{' …' * (len(beside.single) > _MOST_LOOKED_AT)}"
         yield f"Record a second and a third run on {told}: there is one, which says nothing of another day."
-    quiet = sum(one.status == "nothing-new" for one in watched.values())
-    if quiet:
+    if quiet := list(unused.values()).count(None):
         yield f"Record the displacement now and then: nothing new of {_machines(quiet)} since its model was made."
     if beside.watch is None:
         yield "`selector fleet watch` says which models are no longer true; nobody has asked it yet."
@@ -234,12 +230,9 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
         for name, one in ((name, answer.machines[name]) for name in _by_error(answer))
     ]
     rows += [(name, "no turn yet", *(NONE for _ in responses), NONE, NONE, "") for name in missing]
-    return table(
-        ("machine", "status", *(f"{name}, unseen [µm]" for name in responses), "sensors", "last watch", "reason"),
-        rows,
-        f"Failed ones first, then by the largest root mean square error on unseen runs. {bars}An answer lies in the "
-        "folder that is called by its key.",
-    )
+    head = ("machine", "status", *(f"{name}, unseen [µm]" for name in responses), "sensors", "last watch", "reason")
+    order = "Failed ones first, then by the largest root mean square error on unseen runs."
+    return table(head, rows, f"{order} {bars}An answer lies in the folder that is called by its key.")
 
 
 def _bars(beside: Overview, machine: str, response: str) -> str:

@@ -8,8 +8,8 @@ import pytest
 
 from selector.cli import exit_status
 from selector.errors import ResultError
-from selector.fleet import Processes, read_answer, read_fleet, run_fleet, watch_fleet
-from selector.telling.fleet import watch_account
+from selector.fleet import Processes, overview, read_answer, read_fleet, run_fleet, watch_fleet
+from selector.telling.fleet import fleet_account, watch_account
 from tests.fleet.machines import Here, changed, fleet_file, machine
 
 PROVED, ALL = 6, 18
@@ -166,7 +166,14 @@ def test_runs_that_are_not_used_or_older_are_not_new(watched):
     folder = watched.place.parent / "m"
     for number in range(PROVED + 1, ALL + 1):
         (folder / f"r{number}.csv").rename(folder / f"a{number}.csv")
-    assert watch_fleet(watched).machines["m"].status == "nothing-new"
+    one = watch_fleet(watched).machines["m"]
+    assert one.status == "nothing-new"
+    assert all(word in one.error for word in (str(ALL - PROVED), f"r{PROVED}.csv", f"a{ALL}.csv"))
+    page = fleet_account(read_answer(watched.results), beside=overview(watched.results, read_answer(watched.results)))
+    assert any(one.error in told for told in page.sections[0].blocks[0].items)
+    kept = run_fleet(watched, Here(), refit=True).machines["m"].refit.because
+    assert kept.startswith("0 recordings")
+    assert one.error in kept
     for number in range(PROVED + 1, ALL + 1):
         (folder / f"a{number}.csv").rename(folder / f"r{number}.csv")
     unused = "".join(f"[runs.r{number}]\nuse = false\n" for number in range(PROVED + 1, ALL + 1))
