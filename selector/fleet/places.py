@@ -38,9 +38,10 @@ def last_part(reference: str) -> str:
 
 
 def may_hold_recordings(reference: str) -> bool:
-    """Whether it is a folder, or a recording by its ending; of a URL, by its name alone."""
+    """Whether it is a folder, but that of an answer, or a recording by its ending; of a URL, by its name alone."""
     path = Path(reference)
-    return has_name_of_recording(path) or (not path.suffix if is_url(reference) else path.is_dir())
+    is_folder = not path.suffix if is_url(reference) else path.is_dir()
+    return has_name_of_recording(path) or (is_folder and not re.fullmatch("[0-9a-f]{64}", path.name))
 
 
 def found_by(pattern: str) -> list[str]:

@@ -202,8 +202,7 @@ def _relative(answer: FleetAnswer) -> dict[str, float]:
     for response in {response for one in answer.machines.values() for response in one.heldout_rmse_um}:
         of = {name: error for name, one in answer.machines.items() if (error := one.heldout_rmse_um.get(response))}
         usual = median(of.values() or [1.0])
-        for name, error in of.items():
-            found[name] = max(found.get(name, 0.0), error / usual)
+        found |= {name: max(found.get(name, 0.0), error / usual) for name, error in of.items()}
     return found
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from selector.errors import StudyError
-from selector.fleet import read_fleet
-from tests.fleet.machines import fleet_file
+from selector.fleet import read_fleet, run_fleet
+from tests.fleet.machines import Here, fleet_file, machine
 
 
 @pytest.fixture
@@ -29,6 +29,16 @@ def test_a_pattern_means_every_folder_and_recording_in_natural_order(plant):
     assert list(far.studies) == ["m2", "m10", "one", "results"]
     assert str(far.results) == f"{url}m1"
     assert fleet.time_limit_s == 3600.0
+
+
+def test_answers_among_the_machines_are_no_machines(tmp_path):
+    for number in range(2):
+        machine(tmp_path / "plant" / f"m{number}", number, n_runs=2)
+    path = fleet_file(tmp_path, 'folders = ["plant/*"]\nresults = "plant"\n')
+    for done, reused in ((2, 0), (0, 2)):
+        answer = run_fleet(read_fleet(path), Here())
+        assert (answer.done, answer.reused, answer.failed) == (done, reused, 0)
+    assert list(answer.machines) == ["m0", "m1"]
 
 
 def test_a_machine_has_a_name_even_where_its_folder_has_none(plant):
