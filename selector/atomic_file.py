@@ -183,8 +183,11 @@ def require_replaceable(folder: Path, marks: Mapping[str, str], option: str = "-
 
     `marks`: name of the file → what it has near its beginning if an earlier run of the same command wrote it.
     """
+    # an empty one is what a computer that goes down may leave of a result, and holds nothing of anybody's
     foreign = [
-        name for name, mark in marks.items() if (folder / name).exists() and not begins_with(folder / name, mark)
+        name
+        for name, mark in marks.items()
+        if (at := folder / name).exists() and not begins_with(at, mark) and (at.is_dir() or at.stat().st_size > 0)
     ]
     for name in foreign:
         if (folder / name).is_dir():

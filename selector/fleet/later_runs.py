@@ -23,12 +23,18 @@ def by_age(reading: Reading, seen: Collection[str]) -> tuple[dict[str, Path], di
     return dict(pairs[:first]), dict(pairs[first:])
 
 
-def older_unseen(earlier: Mapping[str, Path], seen: Collection[str]) -> str:
-    """What is told of recordings that are not new because one that was seen is newer, as by a clock in the future."""
-    older = [path.name for sha256, path in earlier.items() if sha256 not in seen]
-    newest = "".join(path.name for path in list(earlier.values())[-1:])
-    told = f"{len(older)} that were never used are older than {newest}, by clock or else by name"
-    return f"{told}, such as {older[-1]}: is one of them wrong?" if older else ""
+def older_unseen(earlier: Mapping[str, Path], seen: Collection[str], *, compared: bool) -> str:
+    """What is told of recordings that are not new because one that was seen is newer, as by a clock in the future.
+
+    Once models were `compared`, some are left over: only those between the two newest that were seen are told of then.
+    """
+    paths, used = list(earlier.values()), [k for k, sha256 in enumerate(earlier) if sha256 in seen]
+    first = [-1, *used][-2] + 1 if compared else 0
+    older = [path.name for k, path in enumerate(paths) if k >= first and k not in used]
+    if not older:
+        return ""
+    told = f"{len(older)} that were never used are older than {paths[-1].name}, by clock or else by name"
+    return f"{told}, such as {older[-1]}: is one of them wrong?"
 
 
 def runs_by_age(recording: Recording) -> list[str]:

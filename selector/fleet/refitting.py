@@ -79,7 +79,7 @@ def _challenge(study: Study, champion: Answer, learnt: Set[str]) -> Challenge | 
     if len(later) <= FEWEST_JUDGED:
         came = f"{len(later)} recording{'s' * (len(later) != 1)} came after it"
         last = " was last compared" if champion.judged else ""
-        older = older_unseen(earlier, seen)
+        older = older_unseen(earlier, seen, compared=bool(champion.judged))
         return kept(champion, f"{came}{last}, and {FEWEST_JUDGED + 1} are needed{'; ' * bool(older)}{older}")
     hashes = list(later)[-max(FEWEST_JUDGED, math.ceil(len(later) / 2)) :]
     before = [sha256 for sha256 in earlier | later if sha256 not in hashes][-len(learnt) :]

@@ -237,7 +237,8 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
         whole = read(files.files, machine=machine or files.machine, overrides=overrides_of(study))
         earlier, later = by_age(whole, seen)
         if not later:
-            return WatchedMachine(status="nothing-new", error=older_unseen(earlier, seen) or None, key=answer.key)
+            older = older_unseen(earlier, seen, compared=bool(answer.judged))
+            return WatchedMachine(status="nothing-new", error=older or None, key=answer.key)
         application, compared = applied(model, part_of(whole, later.values()))
         few = list(later.values())[-max(1, len(earlier) // 2) :]
         channels = [one.name for one in model.inputs] + [one.name for one in model.outputs]
@@ -245,11 +246,13 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
         beside = faults_beside(whole, list(earlier.values()), few, channels)
         faults = [one for one in beside if (one.id, one.where.channel, one.where.run) not in told]
     runs = runs_by_age(compared)
-    proved = json.loads((place / "selection.json").read_bytes())["models"]
+    chosen = json.loads((place / "selection.json").read_bytes())
+    # stretches of one run say nothing of another
+    less = {"per_run": {}} if chosen["proof"]["left_out"] == "block" else {}
     responses = {}
     for output in model.outputs:
         accuracies = [(run, application.per_run[run][output.name]) for run in runs]
-        responses[output.name] = _response(proved.get(output.name, {}), accuracies, len(model.outputs))
+        responses[output.name] = _response(chosen["models"].get(output.name, {}) | less, accuracies, len(model.outputs))
     judged = [one for one in responses.values() if one.highest is not None]
     return WatchedMachine(
         status="alarm" if any(one.alarm for one in responses.values()) else "quiet" if judged else "not-judged",

@@ -174,7 +174,8 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
                 yield f"{name}: {_CHANGED[of.alarm]} in {response} since {of.since}. Look at gauge, sensors and setup."
     suspect = {name: _gravest(one.findings)["statement"] for name, one in watched.items() if _state(one) == _SUSPECT}
     unused = {name: one.error for name, one in watched.items() if one.status == "nothing-new"}
-    yield from (f"{name}: {what}" for name, what in (suspect | unused).items() if what)
+    blind = {name: f"not watched: {one.error}" for name, one in watched.items() if one.status == "failed"}
+    yield from (f"{name}: {what}" for name, what in (suspect | unused | blind).items() if what)
     unwell = [(name, one.error) for name, one in answer.machines.items() if one.status in _UNWELL]
     yield from (f"{name}: {error}" for name, error in unwell[:_MOST_LOOKED_AT])
     if len(unwell) > _MOST_LOOKED_AT:
@@ -190,8 +191,9 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
     if beside.single:
         told = f"{', '.join(beside.single[:_MOST_LOOKED_AT])}{' …' * (len(beside.single) > _MOST_LOOKED_AT)}"
         yield f"Record a second and a third run on {told}: there is one, which says nothing of another day."
-    if quiet := list(unused.values()).count(None):
-        yield f"Record the displacement now and then: nothing new of {_machines(quiet)} since its model was made."
+    if quiet := [name for name, what in unused.items() if not what]:
+        told = f"{', '.join(quiet[:_MOST_LOOKED_AT])}{' …' * (len(quiet) > _MOST_LOOKED_AT)}"
+        yield f"Record the displacement now and then: nothing new of {told} since the model was made."
     if beside.watch is None:
         yield "`selector fleet watch` says which models are no longer true; nobody has asked it yet."
 

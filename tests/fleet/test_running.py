@@ -219,6 +219,8 @@ def test_a_file_of_somebody_else_is_not_written_over(tmp_path, command, file, mo
     assert exit_status(["fleet", command, str(path)]) == 2
     assert "which this command did not write" in capsys.readouterr().err
     assert (tmp_path / file).read_text() == "what I know of the fleet"
+    (tmp_path / file).write_text("")  # as a computer that went down may leave it: nobody's
+    assert exit_status(["fleet", command, str(path)]) == 0
 
 
 def test_a_full_disk_ends_the_fleet_and_is_no_fault_of_its_machines(fleet, monkeypatch):

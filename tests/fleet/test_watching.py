@@ -203,3 +203,23 @@ def test_runs_outside_the_window_are_not_new(tmp_path):
         path.write_bytes(data)
     dated(range(PROVED + 1, ALL + 1))
     assert watch_fleet(fleet).machines["m"].status == "nothing-new"
+
+
+def test_the_proof_of_one_run_is_no_spread_of_runs(tmp_path):
+    """Its stretches are eight errors, of one day."""
+    machine(tmp_path / "m", 1, n_runs=1)
+    fleet = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"\n'))
+    assert run_fleet(fleet, Here()).done == 1
+    machine(tmp_path / "m", 1, n_runs=4)
+    one = watch_fleet(fleet).machines["m"]
+    assert one.status == "not-judged"
+    assert one.responses["Z"].runs == 3
+    assert one.responses["Z"].expected_um > 0.0
+
+
+def test_what_keeps_the_watch_from_looking_is_to_be_done_this_week(watched):
+    (watched.place.parent / "m" / "s1.csv").touch()
+    assert exit_status(["fleet", "watch", str(watched.place)]) == 0
+    answer = read_answer(watched.results)
+    page = fleet_account(answer, beside=overview(watched.results, answer))
+    assert any("m: not watched: s1.csv: an empty file" in told for told in page.sections[0].blocks[0].items)

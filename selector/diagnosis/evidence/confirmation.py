@@ -259,7 +259,8 @@ def _next_best(found: Search, id_: str, response: str) -> int | None:
     others = [other for other in numbers(found.named, response) if other != own]
     least, before = _NEARLY_ALL * bench.share(others, own), unseen_rms(bench, others)
     shares = {v: bench.share(others, v) for v, one in enumerate(bench.candidates) if one.effect.id == id_}
-    most = before if is_fault else min(before, rms(bench.target[bench.unseen]))
+    # no worse than what is no ruin, so that it is not asked for again
+    most = min(before, (_RUINED if is_fault else 1.0) * rms(bench.target[bench.unseen]))
     for v in sorted(shares, key=lambda one: -shares[one]):
         if shares[v] < least:
             break
