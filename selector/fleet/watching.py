@@ -248,7 +248,7 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
     runs = runs_by_age(compared)
     chosen = json.loads((place / "selection.json").read_bytes())
     # stretches of one run say nothing of another
-    less = {"per_run": {}} if chosen["proof"]["left_out"] == "block" else {}
+    less: dict[str, Any] = {"per_run": {}} if chosen["proof"]["left_out"] == "block" else {}
     responses = {}
     for output in model.outputs:
         accuracies = [(run, application.per_run[run][output.name]) for run in runs]
