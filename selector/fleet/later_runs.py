@@ -29,7 +29,7 @@ def older_unseen(earlier: Mapping[str, Path], seen: Collection[str], *, compared
     Once models were `compared`, some are left over: only those between the two newest that were seen are told of then.
     """
     paths, used = list(earlier.values()), [k for k, sha256 in enumerate(earlier) if sha256 in seen]
-    first = [-1, *used][-2] + 1 if compared else 0
+    first = [-1, -1, *used][-2] + 1 if compared else 0
     older = [path.name for k, path in enumerate(paths) if k >= first and k not in used]
     if not older:
         return ""

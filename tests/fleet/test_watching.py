@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from selector.cli import exit_status
 from selector.errors import ResultError
 from selector.fleet import Processes, overview, read_answer, read_fleet, run_fleet, watch_fleet
+from selector.fleet.later_runs import older_unseen
 from selector.telling.fleet import fleet_account, watch_account
 from tests.fleet.machines import Here, changed, fleet_file, machine
 
@@ -223,3 +225,21 @@ def test_what_keeps_the_watch_from_looking_is_to_be_done_this_week(watched):
     answer = read_answer(watched.results)
     page = fleet_account(answer, beside=overview(watched.results, answer))
     assert any("m: not watched: s1.csv: an empty file" in told for told in page.sections[0].blocks[0].items)
+
+
+@pytest.mark.parametrize(
+    ("seen", "compared", "told"),
+    [
+        ("ad", False, "2 "),
+        ("ad", True, "2 "),
+        ("acd", True, ""),
+        ("abd", True, "1 "),
+        ("d", True, "3 "),
+        ("", True, ""),
+    ],
+)
+def test_runs_that_a_comparison_left_over_are_no_wrong_clock(seen, compared, told):
+    earlier = {name: Path(f"{name}.csv") for name in "abcd"} if seen else {}
+    said = older_unseen(earlier, seen, compared=compared)
+    assert said.startswith(told)
+    assert bool(said) == bool(told)
