@@ -174,9 +174,9 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
                 yield f"{name}: {_CHANGED[of.alarm]} in {response} since {of.since}. Look at gauge, sensors and setup."
     suspect = {name: _gravest(one.findings)["statement"] for name, one in watched.items() if _state(one) == _SUSPECT}
     unused = {name: one.error for name, one in watched.items() if one.status == "nothing-new"}
-    blind = {name: f"not watched: {one.error}" for name, one in watched.items() if one.status == "failed"}
-    yield from (f"{name}: {what}" for name, what in (suspect | unused | blind).items() if what)
+    yield from (f"{name}: {what}" for name, what in (suspect | unused).items() if what)
     unwell = [(name, one.error) for name, one in answer.machines.items() if one.status in _UNWELL]
+    unwell += [(name, f"not watched: {one.error}") for name, one in watched.items() if one.status == "failed"]
     yield from (f"{name}: {error}" for name, error in unwell[:_MOST_LOOKED_AT])
     if len(unwell) > _MOST_LOOKED_AT:
         yield f"{len(unwell) - _MOST_LOOKED_AT} more machines without an answer stand in the table."

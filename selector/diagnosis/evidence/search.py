@@ -437,8 +437,8 @@ def _by_transfer(
         is_elsewhere = unseen.any() and not np.any(benches[main].candidates[of[main]].variant.columns[unseen])
         for other, one in beside.items():
             is_rival = other != id_ and main in one.responses and one.p_value <= given.level
-            if is_elsewhere and not _explains_as_much(benches[main], others, beside, id_, other):
-                continue
+            if is_rival and is_elsewhere:
+                is_rival = _explains_as_much(benches[main], others, beside, id_, other)
             if is_rival and adds(benches[main], numbers(others, main), one.tested[main].best):
                 rival = {name: one.tested[name].best for name in of if name in one.tested}
                 falls[other] = _unseen_share(benches, others, of, rival)
