@@ -4,12 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from selector.atomic_file import (
-    folder_written_whole,
-    refuse_to_overwrite,
-    refuse_to_replace_input,
-    require_writable_folder,
-)
+from selector import atomic_file
 from selector.cli.shared import showing
 from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import progress_bar
@@ -42,7 +37,7 @@ def describe(
     from selector.telling.origin import description_account
 
     if write is not None:
-        refuse_to_overwrite(write, force=force, option="--write")
+        atomic_file.refuse_to_overwrite(write, force=force, option="--write")
     with progress_bar() as progress:
         progress("reading", None)
         reading = source.reading()
@@ -51,7 +46,7 @@ def describe(
     findings = (*reading.findings, *faults)
     description: dict[str, Any] = {**reading.description(), "drift": drift_of(clean), "findings": findings}
     if write is not None:
-        refuse_to_replace_input(write, [file for file, _ in reading.files], "--write")
+        atomic_file.refuse_to_replace_input(write, [file for file, _ in reading.files], "--write")
         written = machine_of(reading)
         repairs = proposed(written.runs, findings)
         new = [run for run, repair in repairs.items() if written.runs.get(run) != repair]
@@ -91,7 +86,7 @@ def convert(
     from selector.readers import convert as converted
     from selector.readers.tables import listed
 
-    require_writable_folder(out, "--out")
+    atomic_file.require_writable_folder(out, "--out")
     with progress_bar() as progress:
         progress("reading", None)
         reading = source.reading()
@@ -107,7 +102,7 @@ def convert(
             # it may hold what was read, which `converted` refuses to replace
             paths = converted(reading, out, table_format)
         else:
-            with folder_written_whole(out) as folder:
+            with atomic_file.folder_written_whole(out) as folder:
                 paths = [out / path.name for path in converted(reading, folder, table_format)]
         told = f"wrote {len(paths)} files to {out}: {listed((path.name for path in paths), 20)}"
     if as_json:

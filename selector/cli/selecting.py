@@ -14,22 +14,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
-from selector.cli.shared import showing
+from selector.cli.shared import showing, studying
 from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import Progress, progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, pairs, with_source
-from selector.cli.shared.studying import (
-    AcceptChanges,
-    OpenedStudy,
-    StudyPath,
-    hashes,
-    opened_study,
-    recording_entries,
-    repeated_words,
-    told_if_no_text,
-    write_study_beside,
-)
 from selector.errors import OptionError
 
 if TYPE_CHECKING:
@@ -118,8 +107,8 @@ def select(
     source: Source,
     context: typer.Context,
     *,
-    from_study: StudyPath = None,
-    accept_changes: AcceptChanges = False,
+    from_study: studying.StudyPath = None,
+    accept_changes: studying.AcceptChanges = False,
     asked: Asked,
     out: Annotated[Path | None, option("select --out")] = None,
     date: Annotated[str | None, option("select --date")] = None,
@@ -134,7 +123,7 @@ def select(
     from selector.telling.selected.account import selection_account
 
     console = showing.screen(as_json)
-    opened = opened_study(from_study, source, context, accept_changes=accept_changes, console=console)
+    opened = studying.opened_study(from_study, source, context, accept_changes=accept_changes, console=console)
     if opened is not None:
         from selector.study import options_of
 
@@ -157,12 +146,14 @@ def select(
                 progress("writing", 1.0)
                 write_results(selection, account, data, folder, date=date)
                 write_account(account, folder / "report.html")
-                found = hashes(folder)
+                found = studying.hashes(folder)
             if folder is not None and out is not None:
                 written = ["selection.json", "model.json", "report.html"]
-                with told_if_no_text(console):
-                    files = recording_entries(out, source, data.files, data.machine_file)
-                    written += write_study_beside(folder, out, source, files, opened=opened, select=options, date=date)
+                with studying.told_if_no_text(console):
+                    files = studying.recording_entries(out, source, data.files, data.machine_file)
+                    written += studying.write_study_beside(
+                        folder, out, source, files, opened=opened, select=options, date=date
+                    )
     if as_json:
         showing.print_json(selection.as_dict())
         showing.show_findings(console, data.beside)
@@ -172,11 +163,11 @@ def select(
     if out is not None:
         showing.show_written(console, out, written)
     if opened is not None and opened.study.results:
-        console.print(repeated_words(opened.study, found), markup=False)
+        console.print(studying.repeated_words(opened.study, found), markup=False)
 
 
 @contextmanager
-def _results_folder(out: Path | None, opened: OpenedStudy | None) -> Iterator[Path | None]:
+def _results_folder(out: Path | None, opened: studying.OpenedStudy | None) -> Iterator[Path | None]:
     """Where results are written: what becomes `out`, or a folder that goes again if they are only to be compared."""
     if out is not None:
         with folder_written_whole(out) as folder:

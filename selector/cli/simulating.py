@@ -10,20 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from selector.cli.shared import showing
+from selector.cli.shared import showing, simulation_files
 from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson, Everything
-from selector.cli.shared.simulation_files import (
-    driven_destination,
-    named,
-    named_runs,
-    own_destination,
-    require_free_folder,
-    require_inputs_for_machine,
-    require_page_place,
-    write_simulation,
-)
 from selector.cli.shared.source import MachineFile
 from selector.errors import CancelledError
 from selector.physics.simulation_kind import DutyCycle, Option, RunSettings, SimulationKind
@@ -95,23 +85,23 @@ def _simulate(
 
     file = kind.read(model)
     if report is not None:
-        require_page_place(report)
+        simulation_files.require_page_place(report)
     kind.require_options(file, asked, driven=bool(inputs), report=report is not None)
-    require_inputs_for_machine(machine, inputs)
-    with counted_progress("simulating") as say, named(model, kind.sections(file)):
+    simulation_files.require_inputs_for_machine(machine, inputs)
+    with counted_progress("simulating") as say, simulation_files.named(model, kind.sections(file)):
         columns, read = columns_beside(model, kind.columns_needed(file), kind.column_roles(), kind.column_section)
         built = kind.model(file, columns)
         said: tuple[Finding, ...] = ()
         read = [model, *read, *(path for path in asked.values() if isinstance(path, Path))]
         if inputs:
-            require_free_folder(out, "--inputs writes one file a run")
+            simulation_files.require_free_folder(out, "--inputs writes one file a run")
             reading = driving_recordings(kind, file, inputs, machine)
-            destination = driven_destination(out, reading, report, read)
+            destination = simulation_files.driven_destination(out, reading, report, read)
             said = reading.findings
-            with named_runs({run.name: run.file for run in reading.runs}, model, kind.sections(file)):
+            with simulation_files.named_runs({run.name: run.file for run in reading.runs}, model, kind.sections(file)):
                 done = kind.driven(built, reading.recording, RunSettings(columns, seed, asked, say))
         else:
-            destination = own_destination(out, kind.runs(built), report, read, kind.why_folder)
+            destination = simulation_files.own_destination(out, kind.runs(built), report, read, kind.why_folder)
             say(0, 1, "")
             first = next(iter(destination.targets))
             asked_of = {name: duty_cycle(kind, name, value) for name, value in asked.items()}
@@ -127,7 +117,7 @@ def _simulate(
             from selector.telling.page import write_account
 
             page = partial(write_account, account)
-        write_simulation(done.recording, built.name, destination, report, page)
+        simulation_files.write_simulation(done.recording, built.name, destination, report, page)
     told = simulation_document(result, destination.targets, destination.machine_path, report) | dict(account.data)
     try:
         if as_json:

@@ -8,19 +8,8 @@ import numpy as np
 import pandas as pd
 
 from selector import __version__
+from selector.controllers import model_file
 from selector.controllers.application import period_of
-from selector.controllers.model_file import (
-    Fallback,
-    Guard,
-    Input,
-    ModelFile,
-    Output,
-    OutputLimits,
-    Provenance,
-    State,
-    Term,
-    Validation,
-)
 from selector.controllers.self_check import sealed
 from selector.models.design import Datum, Scaling, datum_of
 from selector.models.least_squares import FittedModel
@@ -41,7 +30,7 @@ MOST_UNGAUGED = 2.0
 
 def model_file_of(
     selection: ProvenModel, channels: tuple[Channel, ...], *, source: RunSource | None = None, date: str | None = None
-) -> ModelFile:
+) -> model_file.ModelFile:
     """The model file of a selection: all responses, with ranges, rate limits, validation and test vectors.
 
     `channels` are those of the recording, for roles, units and places; `source`, the recording, gives the sampling
@@ -55,7 +44,7 @@ def model_file_of(
     seen = {} if source is None else seen_readings(source, recipe.sensors)
     ungauged = np.zeros((0, len(scaling.variables))) if source is None else _ungauged(recipe, source, channels)
 
-    def input_of(name: str) -> Input:
+    def input_of(name: str) -> model_file.Input:
         channel = by_name[name]
         at = scaling.variables.index(name)
         ranges = [model.valid_range[at] for model in selection.models.values()]
@@ -63,7 +52,7 @@ def model_file_of(
         is_sensor = name in recipe.sensors
         of = seen.get(name)
         has_range = of is not None and channel.unit == "degC" and of.lowest <= of.highest
-        return Input(
+        return model_file.Input(
             name=name,
             role=cast(Any, channel.role),
             unit=channel.unit,
@@ -84,17 +73,17 @@ def model_file_of(
         for run, entry in selection.provenance.get("runs", {}).items()
         if isinstance(entry, dict) and "sha256" in entry
     }
-    model = ModelFile(
+    model = model_file.ModelFile(
         name=f"displacement {' and '.join(selection.models)}",
         inputs=inputs,
         states=_states(recipe, scaling),
         outputs=tuple(_outputs(selection.models, by_name, rise=rise)),
-        guard=Guard(
+        guard=model_file.Guard(
             limits=tuple(_limits(selection, name, ungauged) for name in selection.models),
             on_fault="fallback" if fallbacks else "hold",
         ),
         fallbacks=fallbacks,
-        provenance=Provenance(
+        provenance=model_file.Provenance(
             machine=selection.provenance.get("machine"),
             data_sha256=hashes,
             period_s=None if source is None else period_of(source),
@@ -165,12 +154,12 @@ def _ungauged(recipe: Recipe, source: RunSource, channels: tuple[Channel, ...]) 
 
 
 def _fallback(
-    of: selection_fallbacks.Fallback, inputs: tuple[Input, ...], channels: dict[str, Channel], *, rise: bool
-) -> Fallback:
+    of: selection_fallbacks.Fallback, inputs: tuple[model_file.Input, ...], channels: dict[str, Channel], *, rise: bool
+) -> model_file.Fallback:
     """A fallback of a selection, with the ranges of the model's own inputs."""
     scaling = next(iter(of.models.values())).scaling
     own = (item for item in inputs if item.name in of.recipe.design.inputs)
-    return Fallback(
+    return model_file.Fallback(
         without=(of.without,),
         inputs=tuple(item.model_copy(update=_scaled(scaling, item.name)) for item in own),
         states=_states(of.recipe, scaling),
@@ -183,43 +172,45 @@ def _scaled(scaling: Scaling, name: str) -> dict[str, float]:
     return {"centre": scaling.centre[at], "scale": scaling.scale[at]}
 
 
-def _states(recipe: Recipe, scaling: Scaling) -> tuple[State, ...]:
+def _states(recipe: Recipe, scaling: Scaling) -> tuple[model_file.State, ...]:
     return tuple(
-        State(name=lag.name, source=lag.source, tau_s=lag.tau_s, **_scaled(scaling, lag.name))
+        model_file.State(name=lag.name, source=lag.source, tau_s=lag.tau_s, **_scaled(scaling, lag.name))
         for lag in recipe.design.lags
     )
 
 
-def _outputs(models: Mapping[str, FittedModel], channels: dict[str, Channel], *, rise: bool) -> Iterator[Output]:
+def _outputs(
+    models: Mapping[str, FittedModel], channels: dict[str, Channel], *, rise: bool
+) -> Iterator[model_file.Output]:
     for name, model in models.items():
         coefficients = model.coefficients.tolist()
         errors = np.sqrt(np.maximum(np.diag(model.covariance), 0.0)).tolist()
-        yield Output(
+        yield model_file.Output(
             name=model.response,
             axis=channels[name].axis,
             reference="rise" if rise else "absolute",
             intercept=coefficients[0],
             intercept_standard_error=errors[0],
             terms=tuple(
-                Term(powers=dict(term.powers), coefficient=coefficient, standard_error=error)
+                model_file.Term(powers=dict(term.powers), coefficient=coefficient, standard_error=error)
                 for term, coefficient, error in zip(model.terms, coefficients[1:], errors[1:], strict=True)
             ),
         )
 
 
-def _limits(selection: ProvenModel, name: str, ungauged: Array) -> OutputLimits:
+def _limits(selection: ProvenModel, name: str, ungauged: Array) -> model_file.OutputLimits:
     """The correction is held within the largest recorded displacement, or what the model says of before a gauge."""
     proved = (part.before_max_um for part in selection.proof.per_response[name])
     largest = max((*proved, selection.largest_um.get(name, 0.0)))
     predicted = float(np.abs(selection.models[name].predicted(ungauged)).max(initial=0.0))
     largest = max(largest, min(predicted, MOST_UNGAUGED * largest))
-    return OutputLimits(output=name, clamp_um=float(np.ceil(largest)) or None)
+    return model_file.OutputLimits(output=name, clamp_um=float(np.ceil(largest)) or None)
 
 
-def _validation(selection: ProvenModel, name: str) -> Validation:
+def _validation(selection: ProvenModel, name: str) -> model_file.Validation:
     model, proof = selection.models[name], selection.proof
     ways = proof.baselines_um.get(name, {})
-    return Validation(
+    return model_file.Validation(
         method=f"leave-one-{proof.left_out}-out, sensors and terms chosen inside each fold",
         rmse_um=model.rmse_um,
         heldout_rmse_um=proof.rmse_um(name),

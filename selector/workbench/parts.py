@@ -167,6 +167,11 @@ def drop_zone(kind: str, button: str, note: str) -> Component:
     )
 
 
+def stacked(*children: Any) -> Component:
+    """Parts of a page, one below the other."""
+    return html.Div(list(children))
+
+
 def section(title: str, *children: Any, note: str = "") -> Component:
     """A part of a page with a heading."""
     below = [html.P(note, className="about")] if note else []

@@ -17,19 +17,7 @@ from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import LONGEST_S, SAMPLE_S
 from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.parts import Answers, Rows, reference_answers
-from selector.controllers.writers.fanuc import (
-    ABSOLUTE_OR_NOT,
-    FILE,
-    INCH_OR_MM,
-    LONGEST_BLOCK,
-    LONGEST_PAUSE_S,
-    STATUS,
-    TIME,
-    fanuc_export,
-    literal_value,
-    macro_model,
-    macro_variables,
-)
+from selector.controllers.writers import fanuc
 from selector.types import Array
 
 ALARM = 3000
@@ -62,7 +50,7 @@ class MacroB:
 
     def __init__(self, text: str) -> None:
         self.variables: dict[int, float] = {}
-        self.modal = {ABSOLUTE_OR_NOT: 90.0, INCH_OR_MM: 21.0}
+        self.modal = {fanuc.ABSOLUTE_OR_NOT: 90.0, fanuc.INCH_OR_MM: 21.0}
         self.offsets: dict[str, float] = {}
         lines = text.split("\n")
         if lines[0] != "%" or lines[-2:] != ["%", ""] or not re.fullmatch(r"O\d{4}\([A-Z ]*\)", lines[1]):
@@ -83,13 +71,13 @@ class MacroB:
             if block["to"]:
                 self._assign(block["to"], block["assigned"])
             if block["axis"]:
-                if self.modal.get(ABSOLUTE_OR_NOT) == 91.0:
+                if self.modal.get(fanuc.ABSOLUTE_OR_NOT) == 91.0:
                     raise MacroError("G10 in incremental mode")
                 self.offsets[block["axis"]] = _number(_value(block["offset"])(self._read))
             if block["modal"]:
-                if ABSOLUTE_OR_NOT not in self.modal:
+                if fanuc.ABSOLUTE_OR_NOT not in self.modal:
                     raise MacroError("G90 is a turning cycle here")
-                self.modal[ABSOLUTE_OR_NOT] = float(block["modal"])
+                self.modal[fanuc.ABSOLUTE_OR_NOT] = float(block["modal"])
             if block["end"]:
                 return
             if goto:
@@ -99,8 +87,8 @@ class MacroB:
         raise MacroError("no M99 is reached")
 
     def _block(self, line: str) -> dict[str, str]:
-        if len(line) > LONGEST_BLOCK:
-            raise MacroError(f"longer than {LONGEST_BLOCK}: {line}")
+        if len(line) > fanuc.LONGEST_BLOCK:
+            raise MacroError(f"longer than {fanuc.LONGEST_BLOCK}: {line}")
         match = _BLOCK.fullmatch(_COMMENT.sub("", line))
         if match is None:
             raise MacroError(line)
@@ -123,14 +111,14 @@ def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | Non
 
     `is_ready` and `positions_m` are not looked at, and a restart is a pause; what is not finite is vacant.
     """
-    macro = MacroB((files or fanuc_export(model).files)[FILE])
-    names = macro_variables(model)
+    macro = MacroB((files or fanuc.fanuc_export(model).files)[fanuc.FILE])
+    names = fanuc.macro_variables(model)
     numbers = [*names.readings.values(), *names.tests.values()]
     codes = [names.program[f"sensor_{k}"] for k in range(1, len(model.inputs) + 1)]
     written = np.column_stack([rows.readings, rows.tests_um(len(model.outputs))]).tolist()
     found = Answers.empty(len(rows), len(model.outputs), len(model.inputs), len(axes_of(model)))
     for k, time_s in enumerate(np.cumsum(_passed_s(rows)).tolist()):
-        macro.variables[TIME] = time_s
+        macro.variables[fanuc.TIME] = time_s
         macro.variables[names.off] = float(not rows.is_wanted[k])
         for number, reading in zip(numbers, written[k], strict=True):
             macro.variables.pop(number, None)
@@ -138,7 +126,7 @@ def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | Non
                 macro.variables[number] = reading
         macro.call()
         found.correction_um[k] = [1000.0 * macro.offsets[str(output.axis).upper()] for output in model.outputs]
-        found.mode[k] = int(macro.variables[STATUS])
+        found.mode[k] = int(macro.variables[fanuc.STATUS])
         found.sensors[k] = [int(macro.variables[code]) for code in codes]
     found.k0_um[:] = found.correction_um
     return found
@@ -148,13 +136,13 @@ def macro_corrections_um(model: ModelFile, rows: Rows) -> Array:
     """What the macro has to give, to the last bit but those of mm, of shape (n_rows, n_outputs) [µm]."""
     n, never = len(rows), np.zeros(len(rows), dtype=np.bool_)
     passed_s = _passed_s(rows)
-    is_pause = (passed_s < 0.0) | (passed_s > LONGEST_PAUSE_S)
+    is_pause = (passed_s < 0.0) | (passed_s > fanuc.LONGEST_PAUSE_S)
     passed_s = np.where(passed_s < 0.0, SAMPLE_S, np.minimum(passed_s, LONGEST_S))
     readings = np.where(is_pause[:, None] | ~np.isfinite(rows.readings), np.nan, rows.readings)
     called = dataclasses.replace(
         rows, dt_s=passed_s, readings=readings, positions_m=np.zeros((n, 0)), is_ready=~never, is_restart=never
     )
-    return reference_answers(macro_model(model), called, literal=literal_value).correction_um
+    return reference_answers(fanuc.macro_model(model), called, literal=fanuc.literal_value).correction_um
 
 
 def _passed_s(rows: Rows) -> Array:

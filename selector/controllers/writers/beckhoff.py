@@ -11,14 +11,7 @@ from fractions import Fraction
 
 from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.language import plain
-from selector.controllers.writers.exported import (
-    Exported,
-    ExportRefusedError,
-    filled,
-    heading,
-    require_own_axes,
-    with_sheet,
-)
+from selector.controllers.writers import exported
 from selector.controllers.writers.structured_text import tcpou_export
 
 ADS_TABLE = "temp_comp_ads.txt"
@@ -31,10 +24,10 @@ _LARGEST_SGN32 = 2**31 - 1
 _LINE = re.compile(r"lr_param\.temp_comp(_\w+)?\s+(-?\d+)\s*(#.*)?")
 
 
-def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> exported.Exported:
     """An axis list per output, the table of what the PLC writes by ADS, and the function block that it comes from."""
     axes = list(_axes(model))
-    head = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    head = [f"# {line}" for line in exported.heading(model, is_sign_verified=is_sign_verified)]
     files = {
         f"temp_comp_{k}.lis": "\n".join([*head, *_axis_list(output)]) + "\n"
         for k, output in enumerate(model.outputs, 1)
@@ -42,7 +35,7 @@ def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
     files[ADS_TABLE] = _ads_table(model, head)
     files |= tcpou_export(model, is_sign_verified=is_sign_verified).files
     lists = ", ".join(f"temp_comp_{k}.lis into the axis list of {axis}" for k, axis in enumerate(axes, 1))
-    return with_sheet("beckhoff", model, files, lists=lists, cycles=SMOOTHING_CYCLES)
+    return exported.with_sheet("beckhoff", model, files, lists=lists, cycles=SMOOTHING_CYCLES)
 
 
 def temp_comp_mm(position_mm: float, *, position_0: int, offset_0: int, coefficient_um_per_m: float) -> float:
@@ -63,18 +56,18 @@ def ads_offset(axis_id: int, number: int) -> int:
 
 
 def _axes(model: ModelFile) -> Iterator[str]:
-    require_own_axes(model, "TwinCAT CNC axis lists, outputs")
+    exported.require_own_axes(model, "TwinCAT CNC axis lists, outputs")
     for output in model.outputs:
         axis = output.axis
         if axis is None:
-            raise ExportRefusedError(
+            raise exported.ExportRefusedError(
                 f"output {output.name} has no axis",
                 expected="one axis for one output",
                 where="TwinCAT CNC axis lists, outputs",
                 advice="name the axis of the output in the model file, or leave the output out",
             )
         if output.position is not None and output.position.axis != axis:
-            raise ExportRefusedError(
+            raise exported.ExportRefusedError(
                 f"output {output.name} of axis {axis} depends on the position of axis {output.position.axis}",
                 expected="the position of the corrected axis itself",
                 where="TwinCAT CNC axis lists, outputs",
@@ -86,7 +79,7 @@ def _axes(model: ModelFile) -> Iterator[str]:
 def _sgn32(value: Fraction, what: str) -> int:
     whole = round(value)
     if abs(whole) > _LARGEST_SGN32:
-        raise ExportRefusedError(
+        raise exported.ExportRefusedError(
             what,
             expected=f"at most {_LARGEST_SGN32 / TENTHS_PER_M:.1f} m, the range of SGN32 in 0.1 um",
             where="TwinCAT CNC axis list",
@@ -119,7 +112,7 @@ def _ads_table(model: ModelFile, head: list[str]) -> str:
         outputs.append(f"{plain(output.name)}  {axis}  10 * k0_{k}, rounded  {told}")
         statements.append(f"  offset_0_{k} := LREAL_TO_DINT(10.0 * fb.k0_{k});   // axis {axis}, 0.1 um")
         statements.append(f"  coefficient_{k} := {f'fb.{slope}' if has_slope else '0.0'};   // um/m")
-    return filled(
+    return exported.filled(
         "beckhoff_ads",
         head=head,
         port=ADS_PORT,

@@ -9,15 +9,7 @@ from selector.controllers.model_file import Input, ModelFile, equations_sha256, 
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import plain
 from selector.controllers.program.statements import NO_READING
-from selector.controllers.writers.exported import (
-    Exported,
-    ExportRefusedError,
-    filled,
-    heading,
-    require_axes,
-    require_own_axes,
-    with_sheet,
-)
+from selector.controllers.writers import exported
 from selector.controllers.writers.python_module import program_class
 
 NAME = "selector_correction"  #: Of the section, the module and its files
@@ -28,15 +20,15 @@ MOST_INPUTS = 100  #: Moves wait while they are looked at: 0.4 ms for so many (b
 _SECTION_NAME = re.compile(r"[A-Za-z0-9_.-]{1,48}")
 
 
-def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> exported.Exported:
     """``selector_correction.py`` for ``klippy/extras`` and ``selector_correction.cfg``."""
     where = "Klipper's move transform"
     axes = [output.axis_or_name for output in model.outputs]
     why = "these are what Klipper can add a correction to, and knows the position of"
-    require_axes((*axes, *axes_of(model)), AXES, why, where)
-    require_own_axes(model, where)
+    exported.require_axes((*axes, *axes_of(model)), AXES, why, where)
+    exported.require_own_axes(model, where)
     if len(model.inputs) > MOST_INPUTS:
-        raise ExportRefusedError(
+        raise exported.ExportRefusedError(
             f"{len(model.inputs)} inputs",
             expected=f"at most {MOST_INPUTS}: Klipper waits while they are looked at",
             where=where,
@@ -46,7 +38,7 @@ def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
         f"{NAME}.py": klipper_extra(model, is_sign_verified=is_sign_verified),
         f"{NAME}.cfg": _section(model, is_sign_verified=is_sign_verified),
     }
-    return with_sheet("klipper", model, files, name=NAME, command=COMMAND)
+    return exported.with_sheet("klipper", model, files, name=NAME, command=COMMAND)
 
 
 def klipper_extra(model: ModelFile, *, is_sign_verified: bool = False) -> str:
@@ -66,13 +58,13 @@ def klipper_extra(model: ModelFile, *, is_sign_verified: bool = False) -> str:
         ("POSITIONS", "axes whose position the program needs", [_number(axis) for axis in axes_of(model)]),
         ("RETAINED", "name in the program, whether it is a flag", retained),
     )
-    lines = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    lines = [f"# {line}" for line in exported.heading(model, is_sign_verified=is_sign_verified)]
     lines += ["# Python 2.7 and 3.", "import logging", "import math", "import os", "import time", ""]
     lines += [f"PROGRAM = {equations_sha256(model)!r}", f"MODEL = {kept_sha256(model)!r}  # the same without signs"]
     lines += [f"KEPT_FILE = {NAME + '_kept.txt'!r}", f"NO_READING = {NO_READING!r}"]
     for name, about, values in lists:
         lines += [f"# {about}", f"{name} = [", *(f"    {one!r}," for one in values), "]"]
-    return filled("klipper_extra", program=[*lines, *program_class(program)])
+    return exported.filled("klipper_extra", program=[*lines, *program_class(program)])
 
 
 def _number(axis: str) -> int:
@@ -80,9 +72,9 @@ def _number(axis: str) -> int:
 
 
 def _section(model: ModelFile, *, is_sign_verified: bool) -> str:
-    head = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    head = [f"# {line}" for line in exported.heading(model, is_sign_verified=is_sign_verified)]
     sensors = [line for k, item in enumerate(model.inputs, start=1) for line in _mapped(k, item)]
-    return filled("klipper_section", head=head, name=NAME, sensors=sensors)
+    return exported.filled("klipper_section", head=head, name=NAME, sensors=sensors)
 
 
 def _mapped(k: int, item: Input) -> list[str]:

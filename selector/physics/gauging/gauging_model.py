@@ -11,9 +11,10 @@ import pandas as pd
 from selector.errors import InputError, ModelFileError, OptionError
 from selector.findings import Finding, Where
 from selector.physics.channel_differences import require_named
+from selector.physics.gauging import model_file
 from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.gauge.characteristic import Characteristic, characteristic, linear_gauge
-from selector.physics.gauging.gauge.transducer import LinearGauge, RippleCrest, Transducer, stage_thresholds_v
+from selector.physics.gauging.gauge.transducer import LinearGauge, RippleCrest, stage_thresholds_v
 from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
 from selector.physics.gauging.grinding.gauged_grinding import (
     FinishedSizes,
@@ -22,15 +23,6 @@ from selector.physics.gauging.grinding.gauged_grinding import (
     finished_sizes,
     part_course,
     waveform,
-)
-from selector.physics.gauging.model_file import (
-    FAMILY,
-    MOST_RECORDED,
-    FileParts,
-    GaugingFile,
-    file_parts,
-    finest_s,
-    sampling_s,
 )
 from selector.physics.model_fields import ModelOfFile, refused, unlikely_values
 from selector.physics.model_text import key_text
@@ -63,7 +55,7 @@ WAVEFORM_CHANNELS = (CURRENT, PROBE, CONTACT, GENERATOR)  #: What else is known 
 KINDS: Mapping[str, Channel] = {"allowance": ALLOWANCE, "feed": FEED, "gauge": GAUGE, "measured": MEASURED}
 
 
-def recorded_channels(file: GaugingFile, recording: Recording) -> dict[str, str]:
+def recorded_channels(file: model_file.GaugingFile, recording: Recording) -> dict[str, str]:
     """Kind, of `KINDS`, → channel: the one that ``[recorded]`` names, else the one of this name, else the only one left
     of its role; of several of a role none is. What is named may have any role of the same unit, which may be guessed.
 
@@ -86,11 +78,11 @@ def recorded_channels(file: GaugingFile, recording: Recording) -> dict[str, str]
     return found
 
 
-def _said(file: GaugingFile) -> dict[str, str]:
+def _said(file: model_file.GaugingFile) -> dict[str, str]:
     return {kind: said for kind in KINDS if (said := getattr(file.recorded, kind)) is not None}
 
 
-def roles_asked(file: GaugingFile, recording: Recording, unread: Sequence[str]) -> dict[str, str]:
+def roles_asked(file: model_file.GaugingFile, recording: Recording, unread: Sequence[str]) -> dict[str, str]:
     """Column → role that it has to be read with, where a guess says otherwise; of `unread` ones nothing else says it.
 
     Columns that ``[recorded]`` names, and unread ones that are called as in a simulation.
@@ -154,10 +146,10 @@ class GaugingSimulation:
 
 
 @dataclass(frozen=True)
-class GaugingModel(ModelOfFile[GaugingFile]):
+class GaugingModel(ModelOfFile[model_file.GaugingFile]):
     """The gauging that a model file describes; made by `gauging_model`."""
 
-    family = FAMILY
+    family = model_file.FAMILY
 
     @property
     def outputs(self) -> tuple[Channel, ...]:
@@ -167,19 +159,19 @@ class GaugingModel(ModelOfFile[GaugingFile]):
     @property
     def runs(self) -> tuple[str, ...]:
         """Runs of `simulation`, one a recorded part; a single one has an empty name, for any name."""
-        recorded = min(self.file.run.parts, MOST_RECORDED)
+        recorded = min(self.file.run.parts, model_file.MOST_RECORDED)
         more = (WAVEFORM_RUN,) if self.file.run.waveform_s > 0 else ()
         return ("",) if recorded == 1 and not more else (*(f"part {n + 1}" for n in range(recorded)), *more)
 
     @cached_property
-    def values(self) -> FileParts:
+    def values(self) -> model_file.FileParts:
         """Gauge, grinding, surface, noise and tolerance of the file."""
-        return file_parts(self.file)
+        return model_file.file_parts(self.file)
 
     @property
     def period_s(self) -> float:
         """Time between samples [s]."""
-        return sampling_s(self.file, self.values)
+        return model_file.sampling_s(self.file, self.values)
 
     @property
     def is_wearing(self) -> bool:
@@ -321,7 +313,7 @@ class GaugingModel(ModelOfFile[GaugingFile]):
         return pd.DataFrame(columns, index=pd.Index(seen.time_s - seen.time_s[0], name="time_s"))
 
 
-def gauging_model(file: GaugingFile) -> GaugingModel:
+def gauging_model(file: model_file.GaugingFile) -> GaugingModel:
     """The gauging that a model file describes, ready to run.
 
     Raises ModelFileError: ``[bounds]`` names what is no parameter or excludes the value of one, a stage ends or a
@@ -352,9 +344,7 @@ def gauging_model(file: GaugingFile) -> GaugingModel:
     return model
 
 
-@lru_cache(maxsize=16)
-def _characteristic(transducer: Transducer) -> Characteristic:
-    return characteristic(transducer)
+_characteristic = lru_cache(maxsize=16)(characteristic)
 
 
 _SHIFT_SHARE = 0.1  #: Share of the tolerance by which a size may be off before it is told.
@@ -452,7 +442,7 @@ def _slow(model: GaugingModel) -> Iterator[Finding]:
 
 
 def _samples(model: GaugingModel) -> Iterator[Finding]:
-    said, finest = model.file.run.period_s, finest_s(model.values)
+    said, finest = model.file.run.period_s, model_file.finest_s(model.values)
     if said is None or said <= finest * (1.0 + 1e-9):
         return
     surface = model.values.surface

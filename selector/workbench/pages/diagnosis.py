@@ -57,16 +57,14 @@ def layout(bench: Bench) -> Component:
         "Choose simulated runs …",
         "or drop them here: one file a run, named as the recorded one; or a model file (.toml, .fmu).",
     )
-    return html.Div(
-        [
-            html.H1("What the simulation left out"),
-            drop,
-            html.Div(id=f"{ID}-files"),
-            html.Div(boxes.fields(), className="fields"),
-            parts.start_row(ID),
-            *parts.answer_place(ID),
-            boxes.followed(),
-        ]
+    return parts.stacked(
+        html.H1("What the simulation left out"),
+        drop,
+        html.Div(id=f"{ID}-files"),
+        html.Div(boxes.fields(), className="fields"),
+        parts.start_row(ID),
+        *parts.answer_place(ID),
+        boxes.followed(),
     )
 
 

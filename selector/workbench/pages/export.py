@@ -76,19 +76,17 @@ def layout(bench: Bench) -> Component:
     """Model, control, replay, sign, Start, and the files."""
     boxes = _boxes(bench)
     sign, tested = boxes.fields(["is_sign_verified", "tested"])
-    return html.Div(
-        [
-            html.H1("Program for a control"),
-            html.Div(boxes.fields(["model", "target", "replayed"]), className="fields wide"),
-            html.Div(id=f"{ID}-outputs"),
-            html.Div([sign, html.P(_SIGN, className="about"), html.Div(tested, className="fields wide")]),
-            parts.start_row(ID, "Export"),
-            html.Div(id=f"{ID}-earlier", role="status"),
-            *parts.answer_place(ID),
-            boxes.followed(),
-            _rows(bench).followed(),
-            dcc.Store(id=f"{ID}-shown", data=None),
-        ]
+    return parts.stacked(
+        html.H1("Program for a control"),
+        html.Div(boxes.fields(["model", "target", "replayed"]), className="fields wide"),
+        html.Div(id=f"{ID}-outputs"),
+        html.Div([sign, html.P(_SIGN, className="about"), html.Div(tested, className="fields wide")]),
+        parts.start_row(ID, "Export"),
+        html.Div(id=f"{ID}-earlier", role="status"),
+        *parts.answer_place(ID),
+        boxes.followed(),
+        _rows(bench).followed(),
+        dcc.Store(id=f"{ID}-shown", data=None),
     )
 
 

@@ -42,15 +42,13 @@ class MeasuredPage:
     def layout(self, bench: Bench) -> Component:
         """Where files are dropped, what is asked, Start, and the answer."""
         boxes = self._boxes(bench)
-        return html.Div(
-            [
-                html.H1(self.heading),
-                parts.drop_zone(self.zone, f"Choose {self.what} …", f"or drop them here: {self.note}"),
-                html.Div(boxes.fields(), className="fields wide"),
-                parts.start_row(self.ID),
-                *parts.answer_place(self.ID),
-                boxes.followed(),
-            ]
+        return parts.stacked(
+            html.H1(self.heading),
+            parts.drop_zone(self.zone, f"Choose {self.what} …", f"or drop them here: {self.note}"),
+            html.Div(boxes.fields(), className="fields wide"),
+            parts.start_row(self.ID),
+            *parts.answer_place(self.ID),
+            boxes.followed(),
         )
 
     def command(self, bench: Bench) -> tuple[str, ...] | None:

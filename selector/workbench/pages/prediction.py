@@ -63,19 +63,15 @@ def layout(bench: Bench) -> Component:
     typed_steps_field = parts.field(
         "Steps", parts.typed_text(f"{ID}-steps", steps_text(bench.cycle.steps)), "minutes at r/min, apart by semicolons"
     )
-    return html.Div(
-        [
-            html.H1("A duty cycle: how far it drifts, and when to correct"),
-            html.Figure(
-                [html.Figcaption([html.H3("The duty cycle"), html.P(about)]), html.Div(graph, className="plot")]
-            ),
-            typed_steps_field,
-            html.Div(boxes.fields(), className="fields wide"),
-            parts.start_row(ID),
-            *parts.answer_place(ID),
-            boxes.followed(),
-            *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("dragged", "drawn")),
-        ]
+    return parts.stacked(
+        html.H1("A duty cycle: how far it drifts, and when to correct"),
+        html.Figure([html.Figcaption([html.H3("The duty cycle"), html.P(about)]), html.Div(graph, className="plot")]),
+        typed_steps_field,
+        html.Div(boxes.fields(), className="fields wide"),
+        parts.start_row(ID),
+        *parts.answer_place(ID),
+        boxes.followed(),
+        *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("dragged", "drawn")),
     )
 
 

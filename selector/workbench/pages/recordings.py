@@ -86,17 +86,15 @@ def layout(bench: Bench) -> Component:
         parts.section("What was recorded", run, html.Div(id=f"{ID}-courses")),
         html.Div(id=f"{ID}-findings"),
     ]
-    return html.Div(
-        [
-            html.H1("Recordings"),
-            drop,
-            html.Div(id=f"{ID}-listed", className="scroll", hidden=True),
-            html.Div(id=f"{ID}-files"),
-            html.Div(id=f"{ID}-faults"),
-            html.Div(id=f"{ID}-reading"),
-            html.Div(read, id=f"{ID}-read", hidden=True),
-            *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("shown", "list", "used")),
-        ]
+    return parts.stacked(
+        html.H1("Recordings"),
+        drop,
+        html.Div(id=f"{ID}-listed", className="scroll", hidden=True),
+        html.Div(id=f"{ID}-files"),
+        html.Div(id=f"{ID}-faults"),
+        html.Div(id=f"{ID}-reading"),
+        html.Div(read, id=f"{ID}-read", hidden=True),
+        *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("shown", "list", "used")),
     )
 
 

@@ -75,18 +75,16 @@ def layout(bench: Bench) -> Component:
     boxes = _boxes(bench)
     typed_ones = [box.name for box in boxes.boxes if box.name not in _TICKS]
     sensors: list[Any] = ["Sensors that must or must not be used: ", html.A("Sensors", href="#sensors"), "."]
-    return html.Div(
-        [
-            html.H1("Selection of sensors, and the model"),
-            html.P(_ABOUT, className="about"),
-            html.Div(boxes.fields(typed_ones), className="fields"),
-            html.Div(boxes.fields(_TICKS), className="ticks"),
-            html.P(sensors, className="about"),
-            parts.start_row(ID),
-            html.Div(id=f"{ID}-earlier", role="status"),
-            *parts.answer_place(ID),
-            boxes.followed(),
-        ]
+    return parts.stacked(
+        html.H1("Selection of sensors, and the model"),
+        html.P(_ABOUT, className="about"),
+        html.Div(boxes.fields(typed_ones), className="fields"),
+        html.Div(boxes.fields(_TICKS), className="ticks"),
+        html.P(sensors, className="about"),
+        parts.start_row(ID),
+        html.Div(id=f"{ID}-earlier", role="status"),
+        *parts.answer_place(ID),
+        boxes.followed(),
     )
 
 

@@ -41,18 +41,16 @@ def layout(bench: Bench) -> Component:
         "Choose a model file …",
         "or drop it here (.toml, with the mesh that it names); it stands below Machine then.",
     )
-    return html.Div(
-        [
-            html.H1("A simulated machine"),
-            drop,
-            html.Div(fields, className="fields wide"),
-            html.Div(id=f"{ID}-parameters"),
-            parts.start_row(ID, "Write the recording"),
-            *parts.answer_place(ID),
-            html.Div("Choose a machine.", id=f"{ID}-pictures", role="status"),
-            *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("shown", "drawn")),
-            _rows(bench).followed(),
-        ]
+    return parts.stacked(
+        html.H1("A simulated machine"),
+        drop,
+        html.Div(fields, className="fields wide"),
+        html.Div(id=f"{ID}-parameters"),
+        parts.start_row(ID, "Write the recording"),
+        *parts.answer_place(ID),
+        html.Div("Choose a machine.", id=f"{ID}-pictures", role="status"),
+        *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("shown", "drawn")),
+        _rows(bench).followed(),
     )
 
 

@@ -9,16 +9,8 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
+from selector.diagnosis.shapes import signals
 from selector.diagnosis.shapes.axis import motion
-from selector.diagnosis.shapes.signals import (
-    course,
-    excited,
-    lagged,
-    no_gauging,
-    part_by_part,
-    quick_time_constants,
-    time_constants,
-)
 from selector.types import Vector
 
 _UM_PER_S = {"feed_rate": 1000.0 / 60.0, "velocity": 1e6}  #: Canonical unit of the role in µm/s.
@@ -30,7 +22,7 @@ _JUMP = 0.3  #: Share of the range of a reading that no feed goes through betwee
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     feeds = infeed(comparison)
-    if part_by_part(comparison, response):
+    if signals.part_by_part(comparison, response):
         for name, rate_um_per_s in feeds.items():
             shape = {"rows": Quantity(1.0, "part")}
             yield Variant(-rate_um_per_s[:, None], (f"infeed {name} at the stop",), shape, sources=(name,))
@@ -41,7 +33,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     steps[list(comparison.starts[:-1])] = 0.0
     jumps = np.flatnonzero(steps > _JUMP * float(np.ptp(simulated)))
     for tau_s in _lags_s(comparison, response):
-        late = lagged(comparison, simulated, tau_s, settled=True) - simulated
+        late = signals.lagged(comparison, simulated, tau_s, settled=True) - simulated
         trailing = partial(Variant, shape={"tau_s": Quantity(tau_s, "s")}, bounds=_AS_A_WHOLE)
         yield trailing(late[:, None], (f"reading {tau_s:.3g} s late",))
         if len(jumps):
@@ -49,7 +41,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             yield trailing(anew[:, None], (f"reading {tau_s:.3g} s late, anew on every part",))
     for name, rate_um_per_s in feeds.items():
         for tau_s in (0.0, *_lags_s(comparison, response)[2::3]):
-            column = -lagged(comparison, rate_um_per_s, tau_s)
+            column = -signals.lagged(comparison, rate_um_per_s, tau_s)
             words = f"infeed {name}" + (f", {tau_s:.3g} s later" if tau_s else "")
             yield Variant(column[:, None], (words,), {"transient_s": Quantity(tau_s, "s")}, sources=(name,))
 
@@ -60,7 +52,7 @@ def _late_anew(comparison: Comparison, simulated: Vector, jumps: NDArray[np.intp
     levels = np.zeros(len(simulated))
     levels[jumps] = steps[jumps]
     level = np.cumsum(levels)
-    late = lagged(comparison, simulated - level, tau_s, settled=True) - (simulated - level)
+    late = signals.lagged(comparison, simulated - level, tau_s, settled=True) - (simulated - level)
     for _, rows in comparison.rows_of_runs():
         begins = [*jumps[(jumps >= rows.start) & (jumps < rows.stop)], rows.stop]
         for first, last in pairwise(begins):
@@ -73,17 +65,17 @@ def infeed(comparison: Comparison) -> dict[str, Vector]:
     """Recorded infeeds that change [µm/s]."""
     found = {}
     for name in comparison.with_role(*_UM_PER_S):
-        values = course(comparison, name) * _UM_PER_S[comparison.channel(name).role]
-        if excited(values):
+        values = signals.course(comparison, name) * _UM_PER_S[comparison.channel(name).role]
+        if signals.excited(values):
             found[name] = values
     return found
 
 
 def _lags_s(comparison: Comparison, response: str) -> list[float]:
     if _is_other_reading(comparison, response):
-        taus = time_constants(comparison, 24)
-        return [*map(float, quick_time_constants(comparison, float(taus[0]))), *map(float, taus)]
-    taus = time_constants(comparison, 10)
+        taus = signals.time_constants(comparison, 24)
+        return [*map(float, signals.quick_time_constants(comparison, float(taus[0]))), *map(float, taus)]
+    taus = signals.time_constants(comparison, 10)
     low = max(_SPAN_S[0], 0.5 * comparison.period_s)
     return [float(tau_s) for tau_s in np.geomspace(low, max(min(_SPAN_S[1], float(taus[-1])), 2.0 * low), 10)]
 
@@ -101,8 +93,8 @@ def _is_other_reading(comparison: Comparison, response: str) -> bool:
 def _testable(comparison: Comparison, response: str) -> str | None:
     if _is_other_reading(comparison, response):
         return None
-    reason = no_gauging(comparison, response)
-    if reason is None and part_by_part(comparison, response) and not infeed(comparison):
+    reason = signals.no_gauging(comparison, response)
+    if reason is None and signals.part_by_part(comparison, response) and not infeed(comparison):
         return "the infeed at the stop is not recorded (role feed_rate), or is the same for all parts"
     return reason
 

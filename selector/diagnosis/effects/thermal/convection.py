@@ -7,15 +7,7 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, place_of, told
-from selector.diagnosis.shapes.heating import (
-    SpindleLaw,
-    follows_sensors,
-    lacking,
-    simulated_rise,
-    sources,
-    speed_power,
-    spindle_law,
-)
+from selector.diagnosis.shapes import heating
 from selector.diagnosis.shapes.signals import excited, scaled, time_constants
 from selector.types import Vector
 
@@ -23,13 +15,13 @@ _GROWTHS = (0.05, 0.5, 2.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    name = sources(comparison, response).spindle
-    law = spindle_law(comparison, response)
-    simulated = simulated_rise(comparison, response)
+    name = heating.sources(comparison, response).spindle
+    law = heating.spindle_law(comparison, response)
+    simulated = heating.simulated_rise(comparison, response)
     warmth = np.abs(simulated) / max(float(np.abs(simulated).max()), 1e-300)
     gates = [("its own warmth", warmth, response)]
     if name is not None:
-        gates = [(f"{name}^{p:g}", speed_power(comparison, name, p), name) for p in (0.5, 1.0)] + gates
+        gates = [(f"{name}^{p:g}", heating.speed_power(comparison, name, p), name) for p in (0.5, 1.0)] + gates
     for words, gate, source in gates:
         if law is None:
             drawn = f"simulated {response} × {words}", gate * scaled(simulated)
@@ -38,9 +30,11 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             yield from _cooled(comparison, law, words, gate, source)
 
 
-def _cooled(comparison: Comparison, law: SpindleLaw, words: str, gate: Vector, source: str) -> Iterator[Variant]:
+def _cooled(
+    comparison: Comparison, law: heating.SpindleLaw, words: str, gate: Vector, source: str
+) -> Iterator[Variant]:
     """What the simulation loses when its modes cool faster: all alike (a film), or each in its own proportion."""
-    heat, place = speed_power(comparison, law.channel, law.exponent), place_of(comparison, source)
+    heat, place = heating.speed_power(comparison, law.channel, law.exponent), place_of(comparison, source)
     plain = law.cooled_course(comparison, heat, gate, 0.0, 0.0)
     for growth in _GROWTHS:
         for alike in (True, False):
@@ -52,11 +46,11 @@ def _cooled(comparison: Comparison, law: SpindleLaw, words: str, gate: Vector, s
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lack = lacking(comparison, response)
-    if lack is None and not excited(simulated_rise(comparison, response)):
+    lack = heating.lacking(comparison, response)
+    if lack is None and not excited(heating.simulated_rise(comparison, response)):
         return f"the simulated {response} does not move: nothing in it cools"
     own = f"the simulated {response} is a function of recorded temperatures, which has no cooling of its own"
-    return lack or (own if follows_sensors(comparison, response) else None)
+    return lack or (own if heating.follows_sensors(comparison, response) else None)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

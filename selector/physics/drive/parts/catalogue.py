@@ -10,17 +10,7 @@ from typing import Annotated, Any
 
 from selector.errors import Misfit
 from selector.physics.checks import ABOVE_0, FROM_0, Checked
-from selector.physics.drive.parts.axis import (
-    CarriedMass,
-    Damping,
-    Efficiency,
-    Force,
-    Inertia,
-    Servo,
-    Torque,
-    TorsionalDamping,
-    TorsionalStiffness,
-)
+from selector.physics.drive.parts import axis
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 
 _Millimetres = Annotated[float, ABOVE_0, Unit("mm"), Limits(1e-6, 1e6)]
@@ -43,11 +33,11 @@ _Conformity = Annotated[float, Fit(0.505, 0.6)]
 class Motor(Checked):
     """Servo motor: rotor inertia [kg·m²], torque per current [N·m/A], largest torque [N·m] and speed [r/min]."""
 
-    inertia_kg_m2: Inertia = 0.0053
+    inertia_kg_m2: axis.Inertia = 0.0053
     torque_constant_nm_per_a: Annotated[
         float, ABOVE_0, Unit("N·m/A"), Limits(1e-9, 1e6), Fit(), Usual(0.01, 50.0, {"mN·m/A": 1e-3})
     ] = 0.79
-    peak_torque_nm: Annotated[Torque, ABOVE_0] = 76.0
+    peak_torque_nm: Annotated[axis.Torque, ABOVE_0] = 76.0
     top_speed_rpm: Annotated[
         float, ABOVE_0, Unit("r/min"), Limits(1e-6, 1e7), Fit(), Usual(50.0, 6e4, {"1/s": 60.0})
     ] = 4000.0
@@ -66,8 +56,8 @@ class Motor(Checked):
 class Coupling(Checked):
     """Coupling between motor and screw: its catalogue stiffness [N·m/rad], or None: a solid cylinder, πGD⁴/(32L)."""
 
-    inertia_kg_m2: Annotated[Inertia, FROM_0] = 0.0009
-    stiffness_nm_per_rad: TorsionalStiffness | None = 76_000.0
+    inertia_kg_m2: Annotated[axis.Inertia, FROM_0] = 0.0009
+    stiffness_nm_per_rad: axis.TorsionalStiffness | None = 76_000.0
     diameter_mm: _Diameter = 40.0
     length_mm: _Millimetres = 80.0
     shear_modulus_gpa: _ShearModulus = 79.0
@@ -91,11 +81,11 @@ class Screw(Checked):
     modulus_gpa: Annotated[_Modulus, Usual(20.0, 700.0, _MODULUS_UNITS)] = 206.0
     shear_modulus_gpa: _ShearModulus = 79.0
     density_kg_per_m3: _Density = 7850.0
-    inertia_kg_m2: Inertia | None = None  #: Of the whole screw; None: a cylinder of the nominal diameter
-    damping_nms_per_rad: TorsionalDamping = 0.004  #: Viscous friction of screw, nut and bearings [N·m·s/rad]
+    inertia_kg_m2: axis.Inertia | None = None  #: Of the whole screw; None: a cylinder of the nominal diameter
+    damping_nms_per_rad: axis.TorsionalDamping = 0.004  #: Viscous friction of screw, nut and bearings [N·m·s/rad]
     #: torsional_damping_nms_per_rad and axial_damping_ns_per_m: Damping inside the two springs; none in F
-    torsional_damping_nms_per_rad: TorsionalDamping = 0.0
-    axial_damping_ns_per_m: Damping = 0.0
+    torsional_damping_nms_per_rad: axis.TorsionalDamping = 0.0
+    axial_damping_ns_per_m: axis.Damping = 0.0
 
     def _misfits(self) -> Iterator[Misfit]:
         if self.root_diameter_mm > self.diameter_mm:
@@ -121,8 +111,8 @@ class Nut(Checked):
     rigidity_preload_n: _RigidityPreload | None = 5130.0
     #: What of either is left in a machine: housing, thread and load distribution take the rest
     rigidity_share: _RigidityShare = 0.8
-    drag_torque_nm: Torque = 1.2  #: Friction from the preload [N·m]
-    efficiency: Efficiency = 1.0  #: η of the load, the preload's friction aside
+    drag_torque_nm: axis.Torque = 1.2  #: Friction from the preload [N·m]
+    efficiency: axis.Efficiency = 1.0  #: η of the load, the preload's friction aside
 
     def _misfits(self) -> Iterator[Misfit]:
         return _of_contact(self)
@@ -147,7 +137,7 @@ class Bearings(Checked):
     rigidity_n_per_um: _Rigidity | None = None
     rigidity_preload_n: _RigidityPreload | None = None
     rigidity_share: _RigidityShare = 1.0  #: What of either is left in a machine
-    drag_torque_nm: Torque = 0.3  #: Friction of the set [N·m]
+    drag_torque_nm: axis.Torque = 0.3  #: Friction of the set [N·m]
 
     def _misfits(self) -> Iterator[Misfit]:
         return _of_contact(self)
@@ -162,16 +152,16 @@ class Guide(Checked):
 
     friction_coefficient: Annotated[float, FROM_0, Fit(), Usual(0.0, 0.5, {"%": 0.01})] = 0.004
     carriages: Annotated[int, FROM_0, Limits(0, 1000)] = 4
-    carriage_preload_n: Force = 4000.0
-    seal_n: Force = 20.0
-    viscous_ns_per_m: Damping = 600.0
+    carriage_preload_n: axis.Force = 4000.0
+    seal_n: axis.Force = 20.0
+    viscous_ns_per_m: axis.Damping = 600.0
 
 
 @dataclass(frozen=True)
 class Table(Checked):
     """What slides, with what lies on it [kg]."""
 
-    mass_kg: CarriedMass = 1000.0
+    mass_kg: axis.CarriedMass = 1000.0
 
 
 @dataclass(frozen=True)
@@ -195,9 +185,9 @@ def thc6350_x_axis() -> Parts:
     return Parts(screw=Screw(torsional_damping_nms_per_rad=0.3, axial_damping_ns_per_m=2e4))
 
 
-def thc6350_servo() -> Servo:
+def thc6350_servo() -> axis.Servo:
     """Continuous cascade control for `thc6350_x_axis`: Kv 40/s, velocity loop of about 40 Hz, limits of the motor."""
-    return Servo(40.0, 6.0, 300.0, **Motor().limits)
+    return axis.Servo(40.0, 6.0, 300.0, **Motor().limits)
 
 
 def _of_contact(part: Nut | Bearings) -> Iterator[Misfit]:

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 from numba import njit
+from scipy.integrate import RK45
 
 # parameters: angular frequency of the supply, its current and phase; current besides the steady one at time 0, and how
 # fast it dies; pull of the magnet and 1/gap, 0: a pull that does not depend on the position
@@ -39,18 +40,8 @@ SMALLEST_SHARE = 1e-13
 compiled = njit(nogil=True, error_model="numpy")
 inlined = njit(nogil=True, error_model="numpy", forceinline=True)
 
-A = np.array(
-    [
-        [1 / 5, 0.0, 0.0, 0.0, 0.0],
-        [3 / 40, 9 / 40, 0.0, 0.0, 0.0],
-        [44 / 45, -56 / 15, 32 / 9, 0.0, 0.0],
-        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0.0],
-        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
-    ]
-)
-B = np.array([35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84])
-C = np.array([1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0])
-E = np.array([-71 / 57600, 0.0, 71 / 16695, -71 / 1920, 17253 / 339200, -22 / 525, 1 / 40])
+# the tableau of the steps, without the stage at the beginning
+A, B, C, E = RK45.A[1:], RK45.B, RK45.C[1:], RK45.E
 # weights of the last term of the interpolation (Hairer, Nørsett, Wanner, Solving ODEs I, II.6)
 D = np.array(
     [

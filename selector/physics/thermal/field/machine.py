@@ -31,15 +31,7 @@ from selector.physics.thermal.field.thermoelasticity import (
     surface_source,
     volume_source,
 )
-from selector.physics.thermal.network.heat_system import (
-    TOLERANCE,
-    Contact,
-    HeatSystem,
-    Network,
-    joined,
-    projected,
-    reduced_basis,
-)
+from selector.physics.thermal.network import heat_system
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
 from selector.types import Indices, Vector
 
@@ -56,7 +48,9 @@ class FieldMachine:
 
     geometry: MachineGeometry  #: Its lengths
     mesh: SolidMesh  #: Its mesh; `mesh.nodes_m` are the places of the states of `system`
-    system: HeatSystem  #: Conduction with films, sources, probes, and the displacements of the tool against the table
+    system: (
+        heat_system.HeatSystem
+    )  #: Conduction with films, sources, probes, and the displacements of the tool against the table
     elasticity: Elasticity  #: Its factorised stiffness
 
     def deformation(self, temperature_degc: Vector, reference_degc: float = 20.0) -> Vector:
@@ -119,11 +113,11 @@ def field_system(
     sources: Mapping[str, Vector],
     probes: Mapping[str, Vector],
     displacements: Mapping[str, Vector],
-) -> HeatSystem:
+) -> heat_system.HeatSystem:
     """A body as a heat system, one state a node; `wetted` are the facets of every film, the others its rows."""
     capacity, conduction = conduction_matrices(body, materials)
     films = {name: film(body, facets) for name, facets in wetted.items()}
-    return HeatSystem(
+    return heat_system.HeatSystem(
         capacity=capacity,
         conduction=conduction,
         films={name: matrix for name, (matrix, _) in films.items()},
@@ -184,14 +178,14 @@ def machine_laws(physics: Physics = "everything") -> Laws:
     return Laws(heat=tuple(_heat(softening)), films=_films(moving=physics != "linear"))
 
 
-def parts_beside() -> tuple[Network, tuple[Contact, ...]]:
+def parts_beside() -> tuple[heat_system.Network, tuple[heat_system.Contact, ...]]:
     """Hydraulic unit and coolant tank as a network, and the contact of the hydraulic line with the headstock."""
-    network = Network(
+    network = heat_system.Network(
         {"hydraulic unit": 22e3, "coolant tank": 400e3},
         area_m2={"hydraulic unit": {"hydraulic unit": 0.75}, "coolant tank": {"coolant tank": 1.0}},
         shares={"hydraulic pump": {"hydraulic unit": 1.0}},
     )
-    return network, (Contact("hydraulic line", "hydraulic unit", 3.0),)
+    return network, (heat_system.Contact("hydraulic line", "hydraulic unit", 3.0),)
 
 
 def _heat(softening_per_k: float) -> Iterator[HeatLaw]:
@@ -240,7 +234,7 @@ class VirtualMachine:
 
     #: The field joined with the parts beside it, before the reduction: displacements X, Y, Z, Y_lower, Y_upper; probes:
     #: the sensors and the `LUBRICATED` parts
-    full: HeatSystem
+    full: heat_system.HeatSystem
     #: (n_full, n_reduced): Temperatures of the states of `full` are ``basis @ state``; the first are the nodes of the
     #: mesh
     basis: Vector
@@ -251,9 +245,9 @@ class VirtualMachine:
     elastic: Elasticity | None = None  #: The body on these springs, where its factors take little memory
 
     @cached_property
-    def system(self) -> HeatSystem:
+    def system(self) -> heat_system.HeatSystem:
         """The reduced field."""
-        return projected(self.full, self.basis)
+        return heat_system.projected(self.full, self.basis)
 
 
 def virtual_machining_centre(
@@ -262,7 +256,7 @@ def virtual_machining_centre(
     geometry: MachineGeometry | None = None,
     refinement: float = 1.0,
     sensors: Mapping[str, Point] | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = heat_system.TOLERANCE,
 ) -> VirtualMachine:
     """The machine meshed, assembled, joined with the parts beside it and reduced; takes some ten seconds.
 
@@ -278,11 +272,11 @@ def virtual_machining_centre(
     network, contacts = parts_beside()
     parts = network.heat_system()
     rows = {name: parts.probes[node] for name, node in beside.items()}
-    full = joined(machine.system, replace(parts, probes=rows), contacts)
+    full = heat_system.joined(machine.system, replace(parts, probes=rows), contacts)
     lubricants = {part: full.sources[part] for part in LUBRICATED}
     in_order = {name: full.probes[name] for name in places}
     full = replace(full, probes=in_order | lubricants)
-    basis = reduced_basis(full, film_sets(laws), tolerance=tolerance)
+    basis = heat_system.reduced_basis(full, film_sets(laws), tolerance=tolerance)
     springs = foot_springs(machine.mesh, machine.geometry)
     elastic = elasticity_to_keep(machine.elasticity, machine.mesh)
     return VirtualMachine(full, basis, laws, machine.mesh, MATERIALS, springs, elastic)

@@ -6,20 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from selector.physics.thermal.modes import driven
 from selector.physics.thermal.modes.choice import hall_drives
 from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
-from selector.physics.thermal.modes.driven import (
-    DrivenFit,
-    LeftOut,
-    Part,
-    chosen,
-    design,
-    expected_um,
-    left_out,
-    parts_of,
-    tau_intervals,
-    worth,
-)
 from selector.physics.thermal.modes.heldout import AT_MOST, few_factor
 from selector.physics.thermal.modes.modes import SpeedLaw, require_tested
 from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data, since_first
@@ -44,12 +33,12 @@ class DrivenModel:
     tests: tuple[ThermalTest, ...]
     responses: tuple[str, ...]
     data: ModeData
-    parts: tuple[Part, ...]
-    fit: DrivenFit
+    parts: tuple[driven.Part, ...]
+    fit: driven.DrivenFit
     tau_low_s: Vector  #: tau_low_s and tau_high_s: (n_modes,): 95 % intervals [s]; NaN where there is no bound
     tau_high_s: Vector
-    unseen: LeftOut  #: Errors of tests that were left out
-    others: tuple[DrivenFit, ...] = ()  #: What else might be true: how far it is from this is part of the error
+    unseen: driven.LeftOut  #: Errors of tests that were left out
+    others: tuple[driven.DrivenFit, ...] = ()  #: What else might be true: how far it is from this is part of the error
 
     @property
     def ambients(self) -> tuple[str, ...]:
@@ -75,7 +64,7 @@ class DrivenModel:
     @property
     def residual_um(self) -> Vector:
         """(n_responses,): What modes and walk leave of the blocks [µm], root mean square."""
-        phi, _ = design(self.fit.spec, self.data, self.fit.theta)
+        phi, _ = driven.design(self.fit.spec, self.data, self.fit.theta)
         off = self.data.displacement_um - phi @ self.fit.coefficients
         squares, count = np.zeros(off.shape[1]), np.zeros(off.shape[1])
         for part in self.parts:
@@ -181,7 +170,7 @@ class DrivenModel:
     @property
     def begins_warm(self) -> Mask:
         """(n_tests,): Runs that did not begin cold: what their start moves is no chance, and no trifle."""
-        phi, kinds = design(self.fit.spec, self.data, self.fit.theta)
+        phi, kinds = driven.design(self.fit.spec, self.data, self.fit.theta)
         found = []
         for begin, end in self.data.bounds:
             starts = (phi[begin:end] - phi[begin]) * (kinds == 2)
@@ -243,9 +232,9 @@ class DrivenModel:
     ) -> Vector:
         """What is expected of the error before left-out tests tell its size [µm], (n_times, n_responses)."""
         moved = self.moved(cyclogram, time_s, hall, follows=follows)
-        squares = (expected_um(self.fit, moved, time_s) * (1.0 if self.is_separate else self.unseen.factor)) ** 2
+        squares = (driven.expected_um(self.fit, moved, time_s) * (1.0 if self.is_separate else self.unseen.factor)) ** 2
         here = moved @ self.fit.coefficients
-        worse = np.array([worth(other) - worth(self.fit) for other in self.others])
+        worse = np.array([driven.worth(other) - driven.worth(self.fit) for other in self.others])
         # of separate tests this was measured; in one long record other fits count alike, as was settled on a real one
         likely = np.exp(-worse / TEMPERED) if self.is_separate else np.ones(len(worse))
         for other, share in zip(self.others, likely / (1.0 + likely.sum()), strict=True):
@@ -263,7 +252,7 @@ class DrivenModel:
         """How many times the claimed error it is at most, 19 times in 20."""
         return AT_MOST if self.is_separate else few_factor(self.judged)
 
-    def course_of(self, part: Part, time_s: Vector) -> Vector:
+    def course_of(self, part: driven.Part, time_s: Vector) -> Vector:
         """What the modes make of a test [µm] at times [s] of its run, (n_times, n_responses); its zero is unknown."""
         cyclogram = self.cyclogram_of(part.run)
         inside = np.minimum(time_s, cyclogram.end_s)
@@ -290,13 +279,13 @@ def driven_model(
     Raises InputError if the tests cannot be used: none, none that turns, too few samples.
     """
     data = mode_data([replace(test, displacement_um=since_first(test.displacement_um)) for test in tests])
-    parts = parts_of(data)
+    parts = driven.parts_of(data)
     moves = data.ambient_k is not None and float(np.ptp(data.ambient_k, axis=0).max()) > LEAST_HALL_K
     if not whatever and len(parts) == len(tests) and not (moves and hall_drives(data)):
         return None
     with threadpool_limits(1, "blas"):
-        fit, *others = chosen(data, with_hall=moves)
+        fit, *others = driven.chosen(data, with_hall=moves)
         order = np.argsort(fit.tau_s)
-        low, high = (bound[order] for bound in tau_intervals(fit, data))
-        unseen = left_out(fit, data, parts)
+        low, high = (bound[order] for bound in driven.tau_intervals(fit, data))
+        unseen = driven.left_out(fit, data, parts)
     return DrivenModel(tuple(tests), tuple(responses), data, parts, fit, low, high, unseen, tuple(others))

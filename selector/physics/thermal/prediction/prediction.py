@@ -14,6 +14,7 @@ from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram, c
 from selector.physics.thermal.modes.heldout import AT_MOST, LeftOutTests
 from selector.physics.thermal.modes.modes import ModalModel
 from selector.physics.thermal.modes.thermal_test import ThermalTest
+from selector.physics.thermal.prediction import tests_judged
 from selector.physics.thermal.prediction.answer import Answer, Asked, Mode, Start, modes_of
 from selector.physics.thermal.prediction.correction_program import (
     BestOrder,
@@ -27,16 +28,6 @@ from selector.physics.thermal.prediction.correction_program import (
 from selector.physics.thermal.prediction.driven import driven_answer, gain_findings
 from selector.physics.thermal.prediction.observer import DayReadings, Observed, observed
 from selector.physics.thermal.prediction.piecewise import characteristics, piecewise_displacement_um
-from selector.physics.thermal.prediction.tests_judged import (
-    RepeatedTest,
-    contradiction_findings,
-    longer_than_tests,
-    modal_repeats,
-    movement_findings,
-    piecewise_repeats,
-    speed_findings,
-    warm_start_findings,
-)
 from selector.types import Vector
 
 Method = Literal["modal", "piecewise"]
@@ -69,7 +60,7 @@ class Prediction:
     residual_um: Vector | None
     heldout_um: Vector | None
     findings: tuple[Finding, ...]  #: What to know about it
-    repeats: tuple[RepeatedTest, ...] = ()  #: The tests beside what the method makes of them
+    repeats: tuple[tests_judged.RepeatedTest, ...] = ()  #: The tests beside what the method makes of them
     #: (n_responses,): RMS error that is expected in this duty cycle [µm]; None if it cannot be told
     claimed_um: Vector | None = None
     #: Test → (n_responses,): RMS error from its start when it was left out [µm]; those alone that could be judged
@@ -205,8 +196,8 @@ def predict(
             advice="name a response that is predicted",
         )  # fmt: skip
     usable, findings = _usable(tests, responses)
-    findings += movement_findings(usable, responses)
-    findings += speed_findings(usable, cyclogram)
+    findings += tests_judged.movement_findings(usable, responses)
+    findings += tests_judged.speed_findings(usable, cyclogram)
     units = tuple("K" if name in temperatures else "µm" for name in responses)
     ask = Asked(tuple(usable), tuple(responses), cyclogram, hall, start, units)
     answer = _modal(ask) if method == "modal" else _piecewise(ask)
@@ -258,12 +249,12 @@ def _modal(ask: Asked) -> Answer:
     from selector.physics.thermal.modes.choice import choose_modes
 
     fit, cycle = choose_modes(ask.tests, ask.responses), ask.cyclogram
-    repeats = modal_repeats(ask.tests, fit.model, warm=fit.warm)
+    repeats = tests_judged.modal_repeats(ask.tests, fit.model, warm=fit.warm)
     findings = [
-        *warm_start_findings(ask.tests, ask.responses),
+        *tests_judged.warm_start_findings(ask.tests, ask.responses),
         *fit.findings,
-        *longer_than_tests(ask.tests, cycle),
-        *contradiction_findings(ask.tests, repeats, ask.responses),
+        *tests_judged.longer_than_tests(ask.tests, cycle),
+        *tests_judged.contradiction_findings(ask.tests, repeats, ask.responses),
     ]
     left_out = fit.left_out
     if left_out is not None:
@@ -295,11 +286,11 @@ def _piecewise(ask: Asked) -> Answer:
             advice="take the modal method, or leave --start out",
         )  # fmt: skip
     curves = characteristics(ask.tests, ask.responses)
-    repeats = tuple(piecewise_repeats(ask.tests, curves))
+    repeats = tuple(tests_judged.piecewise_repeats(ask.tests, curves))
     findings = [
-        *warm_start_findings(ask.tests, ask.responses),
+        *tests_judged.warm_start_findings(ask.tests, ask.responses),
         *piecewise_displacement_um(curves, ask.cyclogram, np.array([ask.cyclogram.end_s]))[1],
-        *contradiction_findings(ask.tests, repeats, ask.responses),
+        *tests_judged.contradiction_findings(ask.tests, repeats, ask.responses),
     ]
     return Answer(
         course=lambda cycle, time: piecewise_displacement_um(curves, cycle, time)[0],

@@ -45,33 +45,31 @@ _GRAPH: Any = {**parts.GRAPH, "displayModeBar": False}
 
 def layout(bench: Bench) -> Component:
     """The dials, pictures in two columns, groups, wishes."""
-    return html.Div(
-        [
-            html.H1("Sensors: how many, and which"),
-            html.Div("Load recordings that can be read first.", id=f"{ID}-wait", className="about", role="status"),
-            html.Div(
-                [
-                    # filled by sensors.js
-                    html.Div(id=f"{ID}-bar", className="lambda"),
-                    html.P(LAMBDA, id=f"{ID}-lambda", className="about"),
-                    html.P(_LINEAR, className="about"),
-                    html.Div([_picture(name) for name in pictures.NAMES], className="pictures"),
-                    html.P(_NOTE, className="about"),
-                    parts.section(
-                        "Groups", html.Div(id=f"{ID}-groups", className="scroll"), parts.table_download("groups")
-                    ),
-                    wishes.table(bench),
-                    machine.controls(),
-                    parts.start_row(ID, "Run this selection"),
-                ],
-                id=f"{ID}-body",
-                hidden=True,
-            ),
-            dcc.Store(id=f"{ID}-shown", data=None),
-            dcc.Store(id=f"{ID}-now", data=None),
-            # a λ that was typed and is not looked at, or not yet: kept by sensors.js
-            dcc.Store(id=f"{ID}-typed", data=None),
-        ]
+    return parts.stacked(
+        html.H1("Sensors: how many, and which"),
+        html.Div("Load recordings that can be read first.", id=f"{ID}-wait", className="about", role="status"),
+        html.Div(
+            [
+                # filled by sensors.js
+                html.Div(id=f"{ID}-bar", className="lambda"),
+                html.P(LAMBDA, id=f"{ID}-lambda", className="about"),
+                html.P(_LINEAR, className="about"),
+                html.Div([_picture(name) for name in pictures.NAMES], className="pictures"),
+                html.P(_NOTE, className="about"),
+                parts.section(
+                    "Groups", html.Div(id=f"{ID}-groups", className="scroll"), parts.table_download("groups")
+                ),
+                wishes.table(bench),
+                machine.controls(),
+                parts.start_row(ID, "Run this selection"),
+            ],
+            id=f"{ID}-body",
+            hidden=True,
+        ),
+        dcc.Store(id=f"{ID}-shown", data=None),
+        dcc.Store(id=f"{ID}-now", data=None),
+        # a λ that was typed and is not looked at, or not yet: kept by sensors.js
+        dcc.Store(id=f"{ID}-typed", data=None),
     )
 
 

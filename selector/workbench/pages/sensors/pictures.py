@@ -6,18 +6,9 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from selector.figures import style
+from selector.figures import proof, style
 from selector.figures.grouping import CutShown, group_colours, tree_changes, tree_picture, tree_title
 from selector.figures.places import machine_changes, machine_picture
-from selector.figures.proof import (
-    KINDS,
-    SetError,
-    run_error_changes,
-    run_errors_picture,
-    run_errors_title,
-    set_error_changes,
-    set_errors_picture,
-)
 from selector.figures.style import Changes, changed
 from selector.number_text import number_text
 from selector.selection.exploration import HeldOutPart
@@ -54,8 +45,8 @@ def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Fi
     drawn = {
         "tree": tree_picture(tree, "", max(least, room + each * len(tree.leaf_order))),
         "machine": machine_picture(pins.names, pins.points_m, pins.outline_m, "", photos),
-        "sets": set_errors_picture(_HEIGHT),
-        "runs": run_errors_picture(_runs(view), ""),
+        "sets": proof.set_errors_picture(_HEIGHT),
+        "runs": proof.run_errors_picture(_runs(view), ""),
     }
     filled = {name: changed(drawn[name], what) for name, what in _changes(view, pins, tree).items()}
     for one in filled.values():
@@ -92,7 +83,7 @@ def moved(view: View, pins: Pins) -> dict[str, list[tuple[tuple[str | int, ...],
 
 def titles(view: View) -> dict[str, str]:
     """What every picture says now, as text that is no markup."""
-    kind = KINDS[view.exploration.parts]
+    kind = proof.KINDS[view.exploration.parts]
     left = set(view.exploration.folds.runs.runs) - {one.name for one in _runs(view)} if kind == "runs" else ()
     without = f"; not {style.listed(sorted(left))}, where a sensor is missing" if left else ""
     said = {
@@ -100,7 +91,7 @@ def titles(view: View) -> dict[str, str]:
         "machine": f"{len(view.fixed.sensors)} of {len(view.exploration.available)} sensors: "
         + style.listed(view.fixed.sensors),
         "sets": f"{style.label(view.response)}: error of sets on left-out {kind}",
-        "runs": run_errors_title(view.response, _runs(view), kind) + without,
+        "runs": proof.run_errors_title(view.response, _runs(view), kind) + without,
     }
     return {name: html.unescape(title) for name, title in said.items()}
 
@@ -116,21 +107,21 @@ def _changes(view: View, pins: Pins, tree: Dendrogram) -> dict[str, Changes]:
         "tree": tree_changes(tree, sensors, cut, is_live=True),
         "machine": machine_changes(pins.names, colours, view.fixed.sensors, _LONGEST_BESIDE_PIN),
         "sets": _set_changes(view),
-        "runs": run_error_changes(view.response, _runs(view)),
+        "runs": proof.run_error_changes(view.response, _runs(view)),
     }
 
 
 def _set_changes(view: View) -> Changes:
-    def errors(sets: Mapping[int, tuple[str, ...]]) -> list[SetError]:
+    def errors(sets: Mapping[int, tuple[str, ...]]) -> list[proof.SetError]:
         models = {sets[size]: view.exploration.fixed(sets[size]).models[view.response] for size in sorted(sets)}
-        return [SetError(sensors, model.heldout_rmse_um) for sensors, model in models.items()]
+        return [proof.SetError(sensors, model.heldout_rmse_um) for sensors, model in models.items()]
 
     model = view.fixed.models[view.response]
     n = sum(part.n_samples for part in model.parts)
     before_um = (sum(part.n_samples * part.before_rmse_um**2 for part in model.parts) / n) ** 0.5 if n else 0.0
-    taken = SetError(view.fixed.sensors, model.heldout_rmse_um)
+    taken = proof.SetError(view.fixed.sensors, model.heldout_rmse_um)
     everywhere, of_cut = errors(view.exploration.best_sets), errors(view.cut.best_sets)
-    return set_error_changes(view.response, everywhere, of_cut, taken, before_um, view.target_um)
+    return proof.set_error_changes(view.response, everywhere, of_cut, taken, before_um, view.target_um)
 
 
 def _runs(view: View) -> Sequence[HeldOutPart]:
@@ -152,7 +143,7 @@ GROUP_COLUMNS = ("group", "sensor", "represents", "shown", "because")
 def facts(view: View) -> list[tuple[str, str]]:
     """The set that is shown and its numbers: what, value."""
     model = view.fixed.models[view.response]
-    kind = KINDS[view.exploration.parts]
+    kind = proof.KINDS[view.exploration.parts]
     worst = max(view.faults, key=lambda one: one.worst_um)
     n = len(view.cut.groups)
     reached = "" if view.target_um is None else ", within the target"
