@@ -3,7 +3,7 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from selector.findings import Action, Finding
 from selector.readers.cells import cell_kind, is_grouped_number
 from selector.readers.finding_table import FINDINGS
 from selector.readers.tables import MAX_COLUMNS, checked_width, shown_lines
-from selector.types import Indices
+from selector.types import Indices, Mask
 
 #: Candidates; "blanks" = two or more blanks (or tabs), "blank" = one or more.
 SEPARATORS = (";", "\t", ",", "|", "blanks", "blank")
@@ -237,68 +237,30 @@ def body(
     if separator in ("blank", "blanks"):
         text = _tabbed(text, separator)
         separator = "\t"
-    if not text.endswith(b"\n"):
-        text += b"\n"
-    buffer = np.frombuffer(text, np.uint8)
-    ends = np.flatnonzero(buffer == 10)
-    marks = np.flatnonzero(buffer == ord(separator))
-    starts = np.r_[0, ends[:-1] + 1]
-    unbalanced = np.zeros(len(ends), dtype=bool)
-    if dialect.quoted and b'"' in text:
-        quotes = np.flatnonzero(buffer == 34)
-        before = np.atleast_1d(np.searchsorted(quotes, starts))
-        unbalanced = ((np.searchsorted(quotes, ends) - before) & 1).astype(bool)
-        line_of = np.atleast_1d(np.searchsorted(ends, marks))
-        marks = marks[((np.searchsorted(quotes, marks) - before[line_of]) & 1) == 0]
-    found = np.searchsorted(marks, ends) - np.searchsorted(marks, starts) + 1
-    numbers = first_line + np.arange(len(ends), dtype=np.int64)
-    empty = ends == starts
-    initial = buffer[np.minimum(starts, len(buffer) - 1)]
-    odd_start = np.isin(initial, np.frombuffer(b"#%/! \t", np.uint8))
+    lines = _Lines.of(text if text.endswith(b"\n") else text + b"\n", separator, quoted=dialect.quoted)
     heading_set = {heading.strip() for heading in headings if heading.strip()}
-    heading_lengths = {len(h.encode()) for h in heading_set}
-    suspect = (found != n_columns) | odd_start | unbalanced
-    if heading_set:
-        length = ends - starts
-        digit_start = np.isin(initial, np.frombuffer(b"0123456789-", np.uint8))
-        suspect |= (length >= min(heading_lengths)) & (length <= max(heading_lengths) + 4) & ~digit_start
-    suspect &= ~empty
-    keep = ~empty & ~suspect
+    is_filled = lines.ends > lines.starts
+    suspect = is_filled & lines.suspect(n_columns, heading_set)
+    keep = is_filled & ~suspect
     replaced: dict[int, bytes] = {}
     aside: dict[str, list[int]] = {kind: [] for kind in _ASIDE}
-    n_filled = int((~empty).sum())
-    for i in np.flatnonzero(suspect):
-        line = text[starts[i] : ends[i]].decode("utf-8", "replace")
+    for i in np.flatnonzero(suspect).tolist():
+        line = lines.line(i)
         if not line.strip() or not line.strip(separator + " \t"):
             continue
-        if line.strip() in heading_set or is_comment(line):
-            aside["repeated-header" if line.strip() in heading_set else "comment-lines"].append(int(numbers[i]))
-            continue
-        if unbalanced[i]:
-            line = line.replace('"', "")
-        elif found[i] == n_columns:
+        kind = "repeated-header" if line.strip() in heading_set else "comment-lines" if is_comment(line) else ""
+        if not kind and lines.n_cells[i] == n_columns and not lines.unbalanced[i]:
             keep[i] = True
             continue
-        cells = cells_of(line, separator, dialect.quoted)
-        while len(cells) > n_columns and not cells[-1]:
-            cells.pop()
-        if len(cells) > n_columns and remarks_last:
-            cells = [*cells[: n_columns - 1], " ".join(cells[n_columns - 1 :])]
-        if len(cells) > n_columns:
-            aside["overlong-rows"].append(int(numbers[i]))
-            continue
-        if len(cells) == 1 and n_columns > 1 and cell_kind(cells[0], dialect.decimal) == "text":
-            aside["text-lines"].append(int(numbers[i]))
-            continue
-        if len(cells) < n_columns:
-            aside["ragged-rows"].append(int(numbers[i]))
-            if cut_off and i == len(ends) - 1:
-                continue
-        replaced[int(i)] = separator.join(
-            _quoted(cell, separator) if dialect.quoted else cell for cell in cells + [""] * (n_columns - len(cells))
-        ).encode()
-        keep[i] = True
-    wrong = aside["ragged-rows"] + aside["overlong-rows"]
+        cells = _cells(line.replace('"', "") if lines.unbalanced[i] else line, separator, dialect, remarks_last)
+        kind = kind or _kind_of_cells(cells, dialect)
+        if kind:
+            aside[kind].append(first_line + i)
+        if kind in ("", "ragged-rows") and not (kind and cut_off and i == len(lines.ends) - 1):
+            cells += [""] * (n_columns - len(cells))
+            replaced[i] = separator.join(_quoted(one, separator) if dialect.quoted else one for one in cells).encode()
+            keep[i] = True
+    wrong, n_filled = aside["ragged-rows"] + aside["overlong-rows"], int(is_filled.sum())
     if len(wrong) > 0.5 * n_filled and n_filled > 3:
         raise ReadError(
             f"{len(wrong)} of {n_filled} lines do not have {n_columns} cells (first: line {wrong[0]})",
@@ -308,17 +270,83 @@ def body(
             "columns",
         )
     kept = np.flatnonzero(keep)
-    clean = _joined(text, starts, ends, kept, replaced)
-    findings = []
+    clean = _joined(lines.text, lines.starts, lines.ends, kept, replaced)
+    findings = _set_aside(aside, where, n_columns, is_last_cut=cut_off and not keep[-1:].all())
+    return Body(clean, separator, first_line + kept, tuple(findings))
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Lines of a text as its bytes show them."""
+
+    text: bytes
+    #: (n_lines,): Where lines begin and end
+    starts: Indices
+    ends: Indices
+    n_cells: Indices  #: (n_lines,): By the separators outside of quotes
+    unbalanced: Mask  #: (n_lines,): Whether a quote is open at the end
+
+    @classmethod
+    def of(cls, text: bytes, separator: str, *, quoted: bool) -> "_Lines":
+        """All lines of a text that ends with a line break."""
+        buffer = np.frombuffer(text, np.uint8)
+        ends, marks = (np.flatnonzero(buffer == sign) for sign in (ord("\n"), ord(separator)))
+        starts = np.r_[0, ends[:-1] + 1]
+        unbalanced = np.zeros(len(ends), dtype=bool)
+        if quoted and b'"' in text:
+            quotes = np.flatnonzero(buffer == ord('"'))
+            before = np.atleast_1d(np.searchsorted(quotes, starts))
+            unbalanced = ((np.searchsorted(quotes, ends) - before) & 1).astype(bool)
+            line_of = np.atleast_1d(np.searchsorted(ends, marks))
+            marks = marks[((np.searchsorted(quotes, marks) - before[line_of]) & 1) == 0]
+        n_cells = np.searchsorted(marks, ends) - np.searchsorted(marks, starts) + 1
+        return cls(text, starts, ends, n_cells, unbalanced)
+
+    def line(self, i: int) -> str:
+        """One line."""
+        return self.text[self.starts[i] : self.ends[i]].decode("utf-8", "replace")
+
+    def suspect(self, n_columns: int, headings: Collection[str]) -> Mask:
+        """Which may be something else than plain samples: they are looked at one by one; shape (n_lines,)."""
+        buffer = np.frombuffer(self.text, np.uint8)
+        initial = buffer[np.minimum(self.starts, len(buffer) - 1)]
+        found = (self.n_cells != n_columns) | self.unbalanced | np.isin(initial, list(b"#%/! \t"))
+        if headings:
+            length, lengths = self.ends - self.starts, [len(heading.encode()) for heading in headings]
+            could_be = (length >= min(lengths)) & (length <= max(lengths) + 4)
+            found |= could_be & ~np.isin(initial, list(b"0123456789-"))
+        return np.asarray(found)
+
+
+def _cells(line: str, separator: str, dialect: Dialect, remarks_last: bool) -> list[str]:
+    """The cells of a line without empty ones beyond the last column; what stands there may be one remark."""
+    cells, n_columns = cells_of(line, separator, dialect.quoted), dialect.n_columns
+    while len(cells) > n_columns and not cells[-1]:
+        cells.pop()
+    if len(cells) > n_columns and remarks_last:
+        cells = [*cells[: n_columns - 1], " ".join(cells[n_columns - 1 :])]
+    return cells
+
+
+def _kind_of_cells(cells: Sequence[str], dialect: Dialect) -> str:
+    """Which of `_ASIDE` a line is; of a plain sample nothing."""
+    if len(cells) == 1 < dialect.n_columns and cell_kind(cells[0], dialect.decimal) == "text":
+        return "text-lines"
+    n_more = len(cells) - dialect.n_columns
+    return "overlong-rows" if n_more > 0 else "ragged-rows" if n_more < 0 else ""
+
+
+def _set_aside(
+    aside: Mapping[str, Sequence[int]], where: str, n_columns: int, *, is_last_cut: bool
+) -> Iterator[Finding]:
     for kind, at in aside.items():
         if at:
             told = _ASIDE[kind].format(count=len(at), where=where, n_columns=n_columns, lines=shown_lines(at))
-            if kind == "ragged-rows" and cut_off and not keep[-1:].all():
+            if kind == "ragged-rows" and is_last_cut:
                 told += " The last line is cut off and was left out."
             action: Action = "leave-out-stretch" if kind == "overlong-rows" else "none"
             evidence = {"lines": at[:50], "count": len(at)}
-            findings.append(FINDINGS.finding(kind, told, evidence=evidence, action=action))
-    return Body(clean, separator, numbers[kept], tuple(findings))
+            yield FINDINGS.finding(kind, told, evidence=evidence, action=action)
 
 
 def _joined(text: bytes, starts: Indices, ends: Indices, kept: Indices, replaced: dict[int, bytes]) -> bytes:
