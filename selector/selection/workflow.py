@@ -1,7 +1,7 @@
 """The main job: recordings in, sensors, models and proof out."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,16 +9,25 @@ import numpy as np
 from selector.findings import Finding
 from selector.models.best_subsets.subsets import side_by_side
 from selector.models.design import Form, Rows, datum_of, rows_of
-from selector.models.least_squares import fault_gains, validity_hull
+from selector.models.least_squares import FittedModel, fault_gains, validity_hull
 from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, more_than_its_error, response_power
 from selector.models.run_before import begun, in_parts, runs_before
 from selector.quality.finding_table import CONSTANT_CHANNEL, DUPLICATE_CHANNEL
 from selector.recording import RunSource, thinned
-from selector.selection.candidates import candidates
-from selector.selection.choice import Offer, Plan, Tested, plans, shapes_on_offer, tested, unit_um
+from selector.selection.candidates import Grouping, candidates
+from selector.selection.choice import Choice, Offer, Plan, Tested, plans, shapes_on_offer, tested, unit_um
 from selector.selection.doubts import LONGEST_PAUSE, doubts, known
 from selector.selection.equal_sets import equal_sets
-from selector.selection.fitting import MAX_ROWS, fallbacks_of, final_models, refined, ridge_penalty
+from selector.selection.fitting import (
+    MAX_ROWS,
+    Fallback,
+    Part,
+    Recipe,
+    fallbacks_of,
+    final_models,
+    refined,
+    ridge_penalty,
+)
 from selector.selection.library import Bench, Library
 from selector.selection.options import Options, Progress, Question, question_of
 from selector.selection.proving import (
@@ -33,7 +42,7 @@ from selector.selection.proving import (
 )
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
 from selector.selection.result import Proof, Selection
-from selector.selection.survey import RunsOf, survey
+from selector.selection.survey import RunsOf, Survey, survey
 from selector.sensors.finding_table import CONSTANT_SENSOR
 from selector.types import Array
 
@@ -66,19 +75,55 @@ def select(
     """
     say = progress or (lambda _what, _share: None)
     say("reading", 0.0)
-    options = options or Options()
     source = in_parts(source)
-    asked = question_of(source, options)
+    asked = question_of(source, options or Options())
     source = source if asked.options.reference == "absolute" else begun(source, asked.responses)
     datum = datum_of(source, asked.sensors, asked.responses, asked.options.reference)
     surveyed = survey(source, asked, datum, findings)
     question = surveyed.question
     if question.options.memory:
         datum = replace(datum, follows=runs_before(source, surveyed.runs))
-    runs = RunsOf(source, surveyed.runs)
     n_blocks = blocks_per_run(len(surveyed.runs), surveyed.n_samples)
-    folds = Folds(question, runs, datum, n_blocks)
+    folds = Folds(question, RunsOf(source, surveyed.runs), datum, n_blocks)
 
+    chosen = _chosen(folds, surveyed, say)
+    say("fitting", 0.75)
+    fitted = _fitted(folds, source, surveyed, chosen)
+    say("proving on unseen runs", 0.85)
+    proof = _proof(folds, chosen, fitted)
+    selection = _selection(folds, chosen, fitted, proof, provenance or {})
+    say("looking for doubts", 0.95)
+    starts = datum_of(source, question.sensors, (), "rise") if datum.reference == "absolute" else datum
+    starts = replace(starts, follows=runs_before(source, surveyed.runs, LONGEST_PAUSE))
+    selection = replace(selection, known=known(selection, surveyed, starts, fitted.rows))
+    told = {offer: _rms(chosen.unseen[best].rmse_um / chosen.spread) for offer, best in chosen.best_of_offer.items()}
+    doubted = doubts(selection, surveyed, datum, fitted.rows, fitted.ridge, told, chosen.plan[0], fitted.stride)
+    say("done", 1.0)
+    everything = (*_worth_telling(findings, question, surveyed), *surveyed.findings, *doubted)
+    return replace(selection, findings=tuple(sorted(everything, key=lambda finding: LEVELS[finding.level])))
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """What is chosen on all parts, and again without each of them."""
+
+    library: Library
+    grouping: Grouping
+    without_each: Sequence[Tested]
+    unseen: Mapping[Plan, HeldOut]  #: Of the whole procedure
+    best_of_offer: Mapping[Offer, Plan]
+    plan: Plan  #: That is taken
+    choice: Choice  #: Sensors and terms of the model
+    proving: Sequence[Choice]  #: What predicts each part, which was chosen and decided without it
+
+    @property
+    def spread(self) -> Array:
+        """Root mean square of each response [µm], shape (n_responses,)."""
+        return np.sqrt(response_power(self.library.moments))
+
+
+def _chosen(folds: Folds, surveyed: Survey, say: Progress) -> _Chosen:
+    question = folds.question
     say("grouping sensors", 0.1)
     with side_by_side() as threads:
         found_all, *found = threads.map(lambda out: candidates(question, folds.linear_bench(out)), (None, *folds.outer))
@@ -87,117 +132,122 @@ def select(
     say("forming terms" + f", which take about {memory_gb:.1f} GB of memory" * (memory_gb >= 1.0), 0.3)
     library = folds.library([found_all, *found], static, lagged)
     say("choosing sensors", 0.4)
-    all_trials = tested(question, found_all, Bench.of(library, folds.all), static, lagged)
-    fold_trials: list[Tested] = []
+    on_all = tested(question, found_all, Bench.of(library, folds.all), static, lagged)
+    without_each: list[Tested] = []
     for i, (group, one) in enumerate(zip(folds.outer, found, strict=True)):
-        fold_trials.append(tested(question, one, Bench.of(library, folds.without(group)), static, lagged))
+        without_each.append(tested(question, one, Bench.of(library, folds.without(group)), static, lagged))
         say("choosing sensors without each run", 0.4 + 0.3 * (i + 1) / len(found))
-    possible = [plan for plan in plans(question) if all(one.has(plan) for one in (all_trials, *fold_trials))]
+    possible = [plan for plan in plans(question) if all(one.has(plan) for one in (on_all, *without_each))]
+    unseen = {plan: held_out(library, folds.outer, [one.choice(plan) for one in without_each]) for plan in possible}
     spread = np.sqrt(response_power(library.moments))
-    unseen = {
-        plan: held_out(library, folds.outer, [trials.choice(plan) for trials in fold_trials]) for plan in possible
-    }
     best_of_offer, plan = _best_plan(question, unseen, spread)
-    unit, plan_errors = _unit(question, unseen, spread), {plan: one.rmse_um / spread for plan, one in unseen.items()}
-    aimed = _aimed(question, library, folds, fold_trials, plan)
-    choice = all_trials.aimed_at(aimed).choice(plan)
-    of_plan = [one.choice(plan) for one in fold_trials]
+    aimed = _aimed(question, library, folds, without_each, plan)
     # the least of several errors is lucky: what a part proves was decided without it
-    without = [_best_plan(question, _without(unseen, i), spread)[1] for i in range(len(fold_trials))]
-    decided = without if len(without) >= FEWEST_TO_DECIDE else [plan] * len(without)
-    choices = [one.aimed_at(aimed).choice(other) for one, other in zip(fold_trials, decided, strict=True)]
+    decided = [_best_plan(question, _without(unseen, i), spread)[1] for i in range(len(without_each))]
+    if len(decided) < FEWEST_TO_DECIDE:
+        decided = [plan] * len(decided)
+    proving = [one.aimed_at(aimed).choice(other) for one, other in zip(without_each, decided, strict=True)]
+    choice = on_all.aimed_at(aimed).choice(plan)
+    return _Chosen(library, found_all.grouping, without_each, unseen, best_of_offer, plan, choice, proving)
 
-    say("fitting", 0.75)
-    stride = max(1, -(-surveyed.n_samples // MAX_ROWS))
-    fitted = runs if stride == 1 else RunsOf(thinned(source, stride), surveyed.runs)
-    recipe = refined(question, fitted, datum, choice.trial)
-    rows = rows_of(fitted, recipe.design, surveyed.runs)
-    parts = [folds.part(group) for group in folds.outer]
+
+@dataclass(frozen=True)
+class _Fitted:
+    """The models of what is chosen, and the parts that prove them."""
+
+    runs: RunSource
+    rows: Rows
+    stride: int  #: Every so many samples are fitted
+    recipe: Recipe
+    ridge: tuple[float, float, float]
+    models: dict[str, FittedModel]
+    fallbacks: tuple[Fallback, ...]
+    parts: Sequence[Part]
+    beside: Sequence[Part]  #: Further ones, which the choice never saw
+    lacking: Mapping[str, tuple[str, ...]]  #: Run that proves nothing → what it lacks
+
+
+def _fitted(folds: Folds, source: RunSource, surveyed: Survey, chosen: _Chosen) -> _Fitted:
+    question, stride = folds.question, max(1, -(-surveyed.n_samples // MAX_ROWS))
+    runs = folds.runs if stride == 1 else RunsOf(thinned(source, stride), surveyed.runs)
+    recipe = refined(question, runs, folds.datum, chosen.choice.trial)
+    rows = rows_of(runs, recipe.design, surveyed.runs)
     beside, lacking = beside_the_comparison(folds, surveyed.runs, recipe.design)
-    parts, choices = [*parts, *beside], [*choices, *(choice for _ in beside)]
+    parts = [*(folds.part(group) for group in folds.outer), *beside]
     ridge = ridge_penalty(recipe, rows, parts) if question.options.ridge else NO_RIDGE
     models = final_models(recipe, rows, ridge=ridge[0])
-    fallbacks = tuple(fallbacks_of(question, recipe, fitted, surveyed.runs, parts, ridge[0]))
-    say("proving on unseen runs", 0.85)
+    fallbacks = tuple(fallbacks_of(question, recipe, runs, surveyed.runs, parts, ridge[0]))
+    return _Fitted(runs, rows, stride, recipe, ridge, models, fallbacks, parts, beside, lacking)
+
+
+def _proof(folds: Folds, chosen: _Chosen, fitted: _Fitted) -> Proof:
+    choices = [*chosen.proving, *(chosen.choice for _ in fitted.beside)]
+    not_taken = {offer: plan for offer, plan in chosen.best_of_offer.items() if offer != chosen.plan[0]}
+    others = {offer: [one.choice(plan) for one in chosen.without_each] for offer, plan in not_taken.items()}
     proof = Proof(
         folds.left_out,
-        *left_out_errors(question, fitted, datum, choices, parts, ridge[0]),
-        error_curve(library, folds.outer, of_plan),
-        baselines(
-            folds.linear,
-            library,
-            folds.outer,
-            {
-                offer: [trials.choice(other) for trials in fold_trials]
-                for offer, other in best_of_offer.items()
-                if offer != plan[0]
-            },
-        ),
-        lacking,
+        *left_out_errors(folds.question, fitted.runs, folds.datum, choices, fitted.parts, fitted.ridge[0]),
+        error_curve(chosen.library, folds.outer, [one.choice(chosen.plan) for one in chosen.without_each]),
+        baselines(folds.linear, chosen.library, folds.outer, others),
+        fitted.lacking,
     )
-    if beside:
-        proof = with_own_baseline(proof)
+    return with_own_baseline(proof) if fitted.beside else proof
+
+
+def _selection(
+    folds: Folds, chosen: _Chosen, fitted: _Fitted, proof: Proof, provenance: Mapping[str, Any]
+) -> Selection:
+    question, choice, recipe, rows = folds.question, chosen.choice, fitted.recipe, fitted.rows
+    options, shape = question.options, choice.trial.shape
     lag_source = {lag.name: lag.source for lag in recipe.design.lags}
-    gains = tuple(
-        gain
-        for model in models.values()
-        for gain in fault_gains(
-            model, rows.variables, recipe.sensors, lag_source, rise=question.options.reference == "rise"
-        )
+    gains = (
+        fault_gains(model, rows.variables, recipe.sensors, lag_source, rise=options.reference == "rise")
+        for model in fitted.models.values()
     )
-    hull = validity_hull(rows.variables)
-    stability = stability_of(question, library, found_all.grouping, choice)
-    combinations = combinations_of(question, Bench.of(library, folds.all), choice)
+    combinations = combinations_of(question, Bench.of(chosen.library, folds.all), choice)
     equal = None
-    if isinstance(choice.trial.shape.form, Form) and not choice.trial.shape.form.interactions:
-        equal = equal_sets(question, folds.bench_of_all_sensors, choice.trial.set.sensors, choice.trial.shape)
-    selection = Selection(
-        options=question.options,
+    if isinstance(shape.form, Form) and not shape.form.interactions:
+        equal = equal_sets(question, folds.bench_of_all_sensors, choice.trial.set.sensors, shape)
+    unit = _unit(question, chosen.unseen, chosen.spread)
+    return Selection(
+        options=options,
         sensors=question.sensors,
-        grouping=found_all.grouping,
+        grouping=chosen.grouping,
         combinations=combinations,
         chosen=recipe.sensors,
         because=because_of(
-            replace(question, options=replace(question.options, max_sensors=plan[1])),
+            replace(question, options=replace(options, max_sensors=chosen.plan[1])),
             choice,
             recipe.shape,
             proof,
-            models,
+            fitted.models,
             combinations,
-            _of_larger_sets(plan, {other: one.rmse_um / unit for other, one in unseen.items()}),
+            _of_larger_sets(chosen.plan, {plan: one.rmse_um / unit for plan, one in chosen.unseen.items()}),
         ),
-        reasons=reasons_of(found_all.grouping, question.sensors, recipe.sensors, choice),
+        reasons=reasons_of(chosen.grouping, question.sensors, recipe.sensors, choice),
         recipe=recipe,
-        models=models,
-        fit_per_run=fit_per_run(recipe.design.responses, models, rows),
+        models=fitted.models,
+        fit_per_run=fit_per_run(recipe.design.responses, fitted.models, rows),
         proof=proof,
-        faults=gains,
-        hull=hull,
-        stability=stability,
+        faults=tuple(gain for of_model in gains for gain in of_model),
+        hull=validity_hull(rows.variables),
+        stability=stability_of(question, chosen.library, chosen.grouping, choice),
         findings=(),
-        provenance=dict(provenance or {}),
-        fallbacks=fallbacks,
+        provenance=dict(provenance),
+        fallbacks=fitted.fallbacks,
         equal=equal,
     )
-    say("looking for doubts", 0.95)
-    told = {offer: _rms(plan_errors[best]) for offer, best in best_of_offer.items()}
-    starts = datum_of(source, question.sensors, (), "rise") if datum.reference == "absolute" else datum
-    starts = replace(starts, follows=runs_before(source, surveyed.runs, LONGEST_PAUSE))
-    selection = replace(selection, known=known(selection, surveyed, starts, rows))
-    doubted = doubts(selection, surveyed, datum, rows, ridge, told, plan[0], stride)
-    say("done", 1.0)
+
+
+def _worth_telling(findings: Iterable[Finding], question: Question, surveyed: Survey) -> Iterator[Finding]:
+    """A dead sensor is told once, and of those that are left out by --never nothing needs to be known."""
     constant = {one.where.channel for one in surveyed.findings if one.id == CONSTANT_SENSOR}
-    # a dead sensor is told once, and of those that are left out by --never nothing needs to be known
     never = question.options.never
-    others = (
-        one
-        for one in findings
-        if (one.id != CONSTANT_CHANNEL or one.where.channel not in constant)
-        and one.where.channel not in never
-        and (one.id != DUPLICATE_CHANNEL or one.evidence["other"] not in never)
-    )
-    everything = sorted((*others, *surveyed.findings, *doubted), key=lambda finding: LEVELS[finding.level])
-    return replace(selection, findings=tuple(everything))
+    for one in findings:
+        is_told = one.id == CONSTANT_CHANNEL and one.where.channel in constant
+        is_twin_of_never = one.id == DUPLICATE_CHANNEL and one.evidence["other"] in never
+        if not is_told and not is_twin_of_never and one.where.channel not in never:
+            yield one
 
 
 #: Error of the whole procedure on unseen parts by plan, relative to a unit of each response: (n_responses,).
