@@ -7,7 +7,9 @@ displacement that follows these, a gauge (0.2 µm) and in every run a slow drift
 sources move the displacement by coefficients that machines have in common up to 5 % (alike), up to 35 % (scattered),
 up to 5 % in two hidden types, or not at all (strangers). Thermometers sit a little elsewhere on each machine (5 %).
 
-New machines are of the same kind. Errors are those against the displacement without the gauge's noise in ten runs that
+New machines are of the same kind, but for three fleets of alike ones, where they are of another type: the sources move
+them by 20 or 40 % more or less (other-gains-20, other-gains-40), or all thermometers sit elsewhere (other-places).
+Errors are those against the displacement without the gauge's noise in ten runs that
 nobody has seen. Alone: what `select` makes of the known runs. Best: the sensors that the fleet shares, with
 coefficients from twenty runs more of the new machine. Told: the error that the proof, on so many of the sisters, has
 told before.
@@ -40,19 +42,22 @@ CHANNELS = (
     Channel("Z", "displacement", "um", axis="Z"),
 )
 SCATTER = {"alike": 0.05, "scattered": 0.35, "two-types": 0.05, "strangers": 0.05}
+OTHERS = ("other-gains-20", "other-gains-40", "other-places")  #: Kinds with new machines of another type
 
 
 class Machine:
     """One machine of a fleet: where its thermometers sit, and what heat does to it."""
 
-    def __init__(self, kind: str, seed: int, number: int) -> None:
+    def __init__(self, kind: str, seed: int, number: int, *, is_new: bool = False) -> None:
         fleet, self.rng = np.random.default_rng([seed, 1]), np.random.default_rng([seed, number, 2])
-        own = self.rng if kind == "strangers" else fleet
+        own = self.rng if kind == "strangers" or (kind == "other-places" and is_new) else fleet
         mix = np.abs(own.normal(size=(3, SENSORS))) * np.array([[1.0], [0.8], [0.6]])
         gain = own.normal(0.0, 2.5, 3) if kind == "strangers" else np.array([3.0, -2.0, 1.5])
         if kind == "two-types" and self.rng.integers(2):
             gain = np.array([1.2, -3.2, 2.5])
-        self.gain = gain * (1.0 + SCATTER[kind] * self.rng.normal(size=3))
+        if kind.startswith("other-gains") and is_new:
+            gain = gain * (1.0 + float(kind[-2:]) / 100.0 * self.rng.choice([-1.0, 1.0], 3))
+        self.gain = gain * (1.0 + SCATTER.get(kind, 0.05) * self.rng.normal(size=3))
         self.mix = mix * (1.0 + 0.05 * self.rng.normal(size=mix.shape))
 
     def run(self) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +90,7 @@ def fleet(kind: str, seed: int, machines: int, new: int) -> list[dict[str, float
     truths: dict[str, list[np.ndarray]] = {}
     for k in range(machines + new):
         n_runs = RUNS if k < machines else 3 + LEARNT + UNSEEN
-        recordings[f"m{k + 1}"], truths[f"m{k + 1}"] = Machine(kind, seed, k).recording(n_runs)
+        recordings[f"m{k + 1}"], truths[f"m{k + 1}"] = Machine(kind, seed, k, is_new=k >= machines).recording(n_runs)
     names = list(recordings)[machines:]
     pool = Pool.of(recordings, names[0], Options())
     rows = []
@@ -136,7 +141,7 @@ def main() -> None:
     parser.add_argument("--proved", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first fleet")
     parser.add_argument("--rows", type=Path, help="table of all new machines")
-    parser.add_argument("--kinds", default=",".join(SCATTER))
+    parser.add_argument("--kinds", default=",".join((*SCATTER, *OTHERS)))
     asked = parser.parse_args()
     sisters.MOST_PROVED = asked.proved
     rows: list[dict[str, float | str]] = []

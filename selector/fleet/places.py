@@ -38,9 +38,12 @@ def last_part(reference: str) -> str:
 
 
 def may_hold_recordings(reference: str) -> bool:
-    """Whether it is a folder, but that of an answer, or a recording by its ending; of a URL, by its name alone."""
+    """Whether it is a folder, but that of an answer, or a recording by its ending; of a URL, by its name alone.
+
+    A link that leads nowhere is a machine, too, which is then told: its disk may be away.
+    """
     path = Path(reference)
-    is_folder = not path.suffix if is_url(reference) else path.is_dir()
+    is_folder = not path.suffix if is_url(reference) else path.is_dir() or not path.exists()
     return has_name_of_recording(path) or (is_folder and not re.fullmatch("[0-9a-f]{64}", path.name))
 
 

@@ -165,11 +165,15 @@ class Watched(Document):
     alike: float = 0.0  #: Correlation of a run with the one before it; 0 where too few runs tell it
 
 
+#: suspect: no alarm, but an error among the findings, or recordings that look as if a clock were wrong
+_Status = Literal["quiet", "suspect", "alarm", "nothing-new", "not-judged", "no-model", "failed"]
+
+
 class WatchedMachine(Document):
     """One machine."""
 
-    status: Literal["quiet", "alarm", "nothing-new", "not-judged", "no-model", "failed"]
-    error: str | None = None  #: Why it failed, or could not be judged
+    status: _Status
+    error: str | None = None  #: Why it failed, could not be judged, or is suspect where no finding says why
     key: str | None = None  #: Of the answer whose model is watched
     runs: tuple[str, ...] = ()  #: New ones, oldest first
     responses: dict[str, Watched] = Field(default_factory=dict)
@@ -236,9 +240,9 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
             return WatchedMachine(status="nothing-new", key=answer.key)
         whole = read(files.files, machine=machine or files.machine, overrides=overrides_of(study))
         earlier, later = by_age(whole, seen)
+        error = older_unseen(earlier, seen, compared=bool(answer.judged)) or None
         if not later:
-            older = older_unseen(earlier, seen, compared=bool(answer.judged))
-            return WatchedMachine(status="nothing-new", error=older or None, key=answer.key)
+            return WatchedMachine(status="nothing-new", error=error, key=answer.key)
         application, compared = applied(model, part_of(whole, later.values()))
         few = list(later.values())[-max(1, len(earlier) // 2) :]
         channels = [one.name for one in model.inputs] + [one.name for one in model.outputs]
@@ -253,14 +257,21 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
     for output in model.outputs:
         accuracies = [(run, application.per_run[run][output.name]) for run in runs]
         responses[output.name] = _response(chosen["models"].get(output.name, {}) | less, accuracies, len(model.outputs))
-    judged = [one for one in responses.values() if one.highest is not None]
+    findings = [one for one in (*application.findings, *faults) if one.level != "info"]
+    status: _Status = "quiet"
+    if any(one.alarm for one in responses.values()):
+        status = "alarm"
+    elif error or any(one.level == "error" for one in findings):
+        status = "suspect"
+    elif all(one.highest is None for one in responses.values()):
+        status, error = "not-judged", _UNPROVED if any(one.runs for one in responses.values()) else _UNRECORDED
     return WatchedMachine(
-        status="alarm" if any(one.alarm for one in responses.values()) else "quiet" if judged else "not-judged",
-        error=None if judged else _UNPROVED if any(one.runs for one in responses.values()) else _UNRECORDED,
+        status=status,
+        error=error,
         key=answer.key,
         runs=tuple(runs),
         responses=responses,
-        findings=tuple(one.as_dict() for one in (*application.findings, *faults) if one.level != "info"),
+        findings=tuple(one.as_dict() for one in findings),
     )
 
 

@@ -9,7 +9,8 @@ from scipy.stats import f
 from selector.types import Array, Mask
 
 FEWEST = 3  #: Machines of a type; fewer stand alone.
-UNLIKE = 0.01  #: Probability with which a machine like the others is taken for one that is not.
+UNLIKE = 0.05  #: Probability with which a machine like the others is taken for one that is not, at most.
+ALONE = 0.01  #: Probability with which one of a type is left out of what is learnt, as it stands alone.
 MUCH_MORE_LIKELY = 10.0  #: Difference of the Bayesian information criterion (Kass & Raftery 1995).
 _STEPS, _STILL = 300, 1e-3  #: Of the search for the covariance, and the relative change that ends it.
 _RANK = 1e-10
@@ -51,8 +52,12 @@ class Population:
 
     @property
     def limit(self) -> float:
-        """Distance beyond which a machine is unlike these: Hotelling's T², by so few machines."""
-        return float(f.isf(UNLIKE, len(self.mean), max(len(self.members) - 1, 1)))
+        """Distance beyond which a machine is unlike these."""
+        return self.distance_beyond(UNLIKE)
+
+    def distance_beyond(self, probability: float) -> float:
+        """That few of such machines are farther than this: Hotelling's T², by so few members."""
+        return float(f.isf(probability, len(self.mean), max(len(self.members) - 1, 1)))
 
     def posterior(self, evidence: Evidence) -> tuple[Array, Array]:
         """Coefficients of one more machine, and their covariance."""
@@ -109,9 +114,21 @@ def parted(machines: Sequence[Evidence]) -> tuple[Population, tuple[tuple[int, .
         apart = _apart(kept, whole) if len(kept) > FEWEST else np.zeros(len(kept), dtype=np.bool_)
         types = [tuple(i for i, of in zip(members, apart, strict=True) if of == part) for part in (False, True)]
         large, small = sorted(types, key=len, reverse=True)
-        if not 0 < len(small) < FEWEST <= len(large):
+        few = small if 0 < len(small) < FEWEST <= len(large) else _alone(machines, whole)
+        if not few:
             return whole, (large, small) if small else (large,)
-        members = list(large)
+        members = [i for i in members if i not in few]
+
+
+def _alone(machines: Sequence[Evidence], whole: Population) -> tuple[int, ...]:
+    """The machine that is farthest from this population, if it is unlike all others of it."""
+    if len(whole.members) <= FEWEST:
+        return ()
+    farthest = max(whole.members, key=lambda i: whole.distance(machines[i]))
+    members = tuple(i for i in whole.members if i != farthest)
+    others = replace(population_of([machines[i] for i in members]), members=members)
+    is_unlike = others.distance(machines[farthest]) > others.distance_beyond(ALONE / len(whole.members))
+    return (farthest,) if is_unlike else ()
 
 
 def _apart(machines: Sequence[Evidence], whole: Population) -> Mask:

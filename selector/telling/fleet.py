@@ -49,19 +49,20 @@ def fleet_account(
 
 def watch_account(watch: FleetWatch, *, title: str = "Fleet") -> Account:
     """All that is told of the watch over a fleet, alarms first."""
-    counts = Counter(map(_state, watch.machines.values()))
-    sentences = [f"{_machines(len(watch.machines))}: " + ", ".join(f"{n} {state}" for state, n in counts.items()) + "."]
-    suspect = [name for name, one in watch.machines.items() if _state(one) in (_STATES["alarm"], _SUSPECT)]
+    counts = Counter(one.status for one in watch.machines.values())
+    states = ", ".join(f"{n} {_STATES[status]}" for status, n in counts.items())
+    sentences = [f"{_machines(len(watch.machines))}: {states}."]
+    suspect = [name for name, one in watch.machines.items() if one.status in ("alarm", "suspect")]
     if suspect:
         sentences.append(f"Look at {', '.join(suspect)}.")
     alike = [name for name, one in watch.machines.items() if any(of.alike > _ALIKE for of in one.responses.values())]
     if alike:
         of = f"Runs of {', '.join(alike)} resemble the one before by more than {_ALIKE:g}"
         sentences.append(f"{of}: one false alarm a year at most cannot be promised there.")
-    is_bad = bool(suspect or counts[_STATES["failed"]])
+    is_bad = bool(suspect or counts["failed"])
     return Account(
         title=f"{title}: are the models still true?",
-        verdict="bad" if is_bad else "good" if counts[_STATES["quiet"]] else "plain",
+        verdict="bad" if is_bad else "good" if counts["quiet"] else "plain",
         sentences=tuple(sentences),
         sections=sections(
             section("machines", "Errors in recordings that came later", Captioned("", _watched(watch)), link="Errors"),
@@ -103,38 +104,37 @@ def sisters_account(answer: SistersAnswer, *, title: str = "Fleet") -> Account:
 
 _STATES = {
     "alarm": "no longer as it was",
+    "suspect": "to be looked at",
     "quiet": "as before",
     "nothing-new": "without a new recording",
     "not-judged": "not judged",
     "no-model": "without a model",
     "failed": "failed",
 }
-_SUSPECT = "to be looked at"  #: The sums are as before, but a finding of level error says otherwise.
-_ORDER = (_STATES["alarm"], _SUSPECT, *_STATES.values())
 _UNWELL = ("failed", "missing")
 _ALIKE = 0.9  #: Likeness of neighbouring runs beyond which false alarms are more than one a year.
 _CHANGED = {"mean": "the error has shifted", "spread": "the errors have grown"}
 
 
-def _state(one: WatchedMachine) -> str:
-    has_error = any(finding["level"] == "error" for finding in one.findings)
-    return _SUSPECT if has_error and one.status != "alarm" else _STATES[one.status]
+def _suspicion(one: WatchedMachine) -> str:
+    """Why a machine is to be looked at."""
+    return one.error or _gravest(one.findings)["statement"]
 
 
 def _watched(watch: FleetWatch) -> Table:
-    ordered = sorted(watch.machines.items(), key=lambda item: _ORDER.index(_state(item[1])))
+    ordered = sorted(watch.machines.items(), key=lambda item: list(_STATES).index(item[1].status))
     rows: list[tuple[str, ...]] = []
     for name, one in ordered:
-        told = one.responses.items() if one.status in ("alarm", "quiet") else ()
+        state, told = _STATES[one.status], one.responses.items() if one.status in ("alarm", "suspect", "quiet") else ()
         if not told:
-            rows.append((name, _state(one), *(NONE,) * 6, one.error or ""))
+            rows.append((name, state, *(NONE,) * 6, one.error or ""))
         for response, of in told:
             sums = (number_text(value or 0.0, 2) for value in (of.highest, of.limit))
             judged = NONE if of.highest is None else " of ".join(sums)
-            said = _gravest(one.findings)["statement"] if _state(one) == _SUSPECT else ""
+            said = _suspicion(one) if one.status == "suspect" else ""
             what = said if of.alarm is None else f"{_CHANGED[of.alarm]} since {of.since}"
             errors = (number_text(value) for value in (of.rmse_um, of.expected_um, of.mean_um))
-            rows.append((name, _state(one), response, str(of.runs), *errors, judged, what))
+            rows.append((name, state, response, str(of.runs), *errors, judged, what))
     head = (">runs", ">RMS error [µm]", ">when it was made [µm]", ">mean error [µm]", ">sum")
     return table(("machine", "status", "response", *head, "what has changed"), rows, legend("fleet.watched"))
 
@@ -172,9 +172,9 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
         for response, of in one.responses.items():
             if of.alarm is not None:
                 yield f"{name}: {_CHANGED[of.alarm]} in {response} since {of.since}. Look at gauge, sensors and setup."
-    suspect = {name: _gravest(one.findings)["statement"] for name, one in watched.items() if _state(one) == _SUSPECT}
-    unused = {name: one.error for name, one in watched.items() if one.status == "nothing-new"}
-    yield from (f"{name}: {what}" for name, what in (suspect | unused).items() if what)
+    suspect = {name: _suspicion(one) for name, one in watched.items() if one.status == "suspect"}
+    other = {name: one.error for name, one in watched.items() if one.status in ("alarm", "nothing-new")}
+    yield from (f"{name}: {what}" for name, what in (suspect | other).items() if what)
     unwell = [(name, one.error) for name, one in answer.machines.items() if one.status in _UNWELL]
     unwell += [(name, f"not watched: {one.error}") for name, one in watched.items() if one.status == "failed"]
     yield from (f"{name}: {error}" for name, error in unwell[:_MOST_LOOKED_AT])
@@ -191,7 +191,7 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
     if beside.single:
         told = f"{', '.join(beside.single[:_MOST_LOOKED_AT])}{' …' * (len(beside.single) > _MOST_LOOKED_AT)}"
         yield f"Record a second and a third run on {told}: there is one, which says nothing of another day."
-    if quiet := [name for name, what in unused.items() if not what]:
+    if quiet := [name for name, one in watched.items() if one.status == "nothing-new" and not one.error]:
         told = f"{', '.join(quiet[:_MOST_LOOKED_AT])}{' …' * (len(quiet) > _MOST_LOOKED_AT)}"
         yield f"Record the displacement now and then: nothing new of {told} since the model was made."
     if beside.watch is None:
@@ -225,7 +225,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
             one.status,
             *(f"{number_text(one.heldout_rmse_um.get(of))} {_bars(beside, name, of)}" for of in responses),
             ", ".join(one.sensors) or NONE,
-            _state(watched[name]) if name in watched else NONE,
+            _STATES[watched[name].status] if name in watched else NONE,
             one.error or ("" if one.refit is None else f"{one.outcome}: {one.refit.because}"),
         )
         for name, one in ((name, answer.machines[name]) for name in _by_error(answer))

@@ -31,6 +31,15 @@ def test_a_pattern_means_every_folder_and_recording_in_natural_order(plant):
     assert fleet.time_limit_s == 3600.0
 
 
+def test_a_link_that_leads_nowhere_is_a_machine_that_is_told(plant):
+    link = plant / "plant" / "m3"
+    try:
+        link.symlink_to(plant / "away", target_is_directory=True)
+    except OSError:
+        pytest.skip("this account may not make links")
+    assert "m3" in read_fleet(fleet_file(plant, 'folders = ["plant/*"]\nresults = "plant/results"\n')).studies
+
+
 def test_answers_among_the_machines_are_no_machines(tmp_path):
     for number in range(2):
         machine(tmp_path / "plant" / f"m{number}", number, n_runs=2)

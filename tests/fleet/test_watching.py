@@ -107,7 +107,7 @@ def test_a_dead_sensor_is_among_the_findings(watched):
         table.to_csv(path, index=False)
     one = watch_fleet(watched).machines["m"]
     assert one.runs == (f"r{ALL + 1}", f"r{ALL + 2}")
-    assert one.status == "not-judged"
+    assert (one.status, one.error) == ("suspect", None)
     assert any(finding["where"].get("channel") == sensor for finding in one.findings)
 
 
@@ -136,7 +136,7 @@ def test_what_a_finding_of_level_error_speaks_against_is_not_told_as_before(watc
         watched.place.parent / "m", range(PROVED + 1, PROVED + 3), lambda table: table.update(table["Z [um]"] / 1e3)
     )
     found = watch_fleet(watched)
-    assert found.machines["m"].status == "quiet"
+    assert found.machines["m"].status == "suspect"
     assert "worse-than-nothing" in {one["id"] for one in found.machines["m"].findings}
     account = watch_account(found)
     assert account.verdict == "bad"
@@ -181,6 +181,33 @@ def test_runs_that_are_not_used_or_older_are_not_new(watched):
     unused = "".join(f"[runs.r{number}]\nuse = false\n" for number in range(PROVED + 1, ALL + 1))
     (folder / "machine.toml").write_text(unused, encoding="utf-8")
     assert watch_fleet(watched).machines["m"].status == "nothing-new"
+
+
+def test_a_clock_that_goes_wrong_after_some_later_runs_is_told(watched):
+    """Runs that look older than the model are in no chart: the machine would be as before for ever."""
+    folder = watched.place.parent / "m"
+    for number in range(PROVED + 5, ALL + 1):
+        (folder / f"r{number}.csv").rename(folder / f"a{number}.csv")
+    found = watch_fleet(watched)
+    one = found.machines["m"]
+    assert (one.status, one.runs) == ("suspect", tuple(f"r{number}" for number in range(PROVED + 1, PROVED + 5)))
+    assert f"a{ALL}.csv" in one.error
+    assert "Look at m." in watch_account(found).sentences
+    answer = read_answer(watched.results)
+    page = fleet_account(answer, beside=overview(watched.results, answer))
+    assert any(one.error in told for told in page.sections[0].blocks[0].items)
+
+
+def test_a_run_that_no_model_can_learn_from_is_no_wrong_clock(tmp_path):
+    machine(tmp_path / "m", 1, n_runs=PROVED)
+    changed(tmp_path / "m", range(2, 3), lambda table: table.pop("Z [um]"))
+    fleet = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"\n'))
+    assert run_fleet(fleet, Here()).done == 1
+    shutil.copytree(tmp_path / "m", tmp_path / "made")
+    machine(tmp_path / "m", 1, n_runs=ALL)
+    shutil.copytree(tmp_path / "made", tmp_path / "m", dirs_exist_ok=True)
+    one = watch_fleet(fleet).machines["m"]
+    assert (one.status, one.error, len(one.runs)) == ("quiet", None, ALL - PROVED)
 
 
 def test_runs_outside_the_window_are_not_new(tmp_path):

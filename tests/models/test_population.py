@@ -102,3 +102,15 @@ def test_one_population_is_not_parted_two_types_are_and_one_that_stands_alone_is
     assert (whole.members, types) == (tuple(range(1, 13)), (tuple(range(1, 13)),))
     # what is left is the population that they are without it
     assert whole.mean == pytest.approx(population_of(one).mean)
+
+
+def test_a_machine_that_records_in_another_unit_stands_alone_however_far_the_others_are_apart():
+    """Beside a wide scatter two distributions are not much more likely than one."""
+    kept = 0
+    for seed in range(10):
+        rng = np.random.default_rng([9, seed])
+        wide = fleet(rng, 12, n_runs=4, drift_um=0.6)
+        in_mm = Evidence.of(products(1e-3 * MEAN, rng, n_runs=4, drift_um=6e-4, noise_um=2e-4))
+        assert parted(wide)[0].members == tuple(range(12))
+        kept += 0 in parted([in_mm, *wide])[0].members
+    assert kept <= 2
