@@ -6,20 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from selector.models import moments as sums
 from selector.models.best_subsets.results import adjusted_r2
 from selector.models.design import Columns, Datum, Design, Form, Lag, ListedTerms, Scaling, Term
-from selector.models.moments import (
-    HeldOut,
-    LeaveOneOut,
-    Moments,
-    centred,
-    coefficients,
-    inner_grouping,
-    moments,
-    response_power,
-    scaling_of,
-    squared_error,
-)
 from selector.recording import RunSource
 from selector.types import Array, Indices
 
@@ -70,7 +59,7 @@ def key_of(term: Term) -> tuple[tuple[str, int], ...]:
 class Library:
     """Cross-products of many terms on every fold."""
 
-    moments: Moments
+    moments: sums.Moments
     position: dict[tuple[tuple[str, int], ...], int]  #: Column of each term
     responses: tuple[str, ...]
     speeds: tuple[str, ...]
@@ -100,7 +89,7 @@ class Bench:
 
     library: Library
     total: Array  #: (k, k): Cross-products of [1, terms, responses] over the rows of the folds
-    leave_one_out: LeaveOneOut  #: Of the inner groups
+    leave_one_out: sums.LeaveOneOut  #: Of the inner groups
     samples: Array  #: (n_groups,): Samples of each inner group
     power: Array  #: (n_responses,): Variance of each response [µm²]
 
@@ -110,9 +99,9 @@ class Bench:
         part = library.moments.only(folds)
         # rows that are purged between blocks are in the whole of all folds, and in none of them
         total = part.whole if part is not library.moments else part.products.sum(axis=0)
-        groups = tuple(tuple(folds[i] for i in group) for group in inner_grouping(part))
-        apart = LeaveOneOut(library.moments.products, groups, total[None], part.n_columns)
-        return cls(library, part.whole, apart, apart.left_out(0, 0), response_power(part))
+        groups = tuple(tuple(folds[i] for i in group) for group in sums.inner_grouping(part))
+        apart = sums.LeaveOneOut(library.moments.products, groups, total[None], part.n_columns)
+        return cls(library, part.whole, apart, apart.left_out(0, 0), sums.response_power(part))
 
     def cross(self, sensors: Sequence[str], shape: Shape, response: int) -> Array:
         """Centred cross-products of the terms of a set and one response, the response last."""
@@ -123,20 +112,20 @@ class Bench:
         """Cross-products about the means of some columns and responses, (..., n) → (..., n, n)."""
         at = 1 + np.asarray(columns, dtype=np.int64)
         index = np.concatenate([np.zeros((*at.shape[:-1], 1), dtype=np.int64), at], axis=-1)
-        return centred(self.total[index[..., :, None], index[..., None, :]])[0]
+        return sums.centred(self.total[index[..., :, None], index[..., None, :]])[0]
 
     @property
     def n_samples(self) -> int:
         """Samples over all folds."""
         return round(float(self.total[0, 0]))
 
-    def held_out(self, sensors: Sequence[str], shape: Shape) -> HeldOut:
+    def held_out(self, sensors: Sequence[str], shape: Shape) -> sums.HeldOut:
         """Errors on every inner group, fitted to the others."""
         return self.leave_one_out.errors(self.library.columns(sensors, shape), len(self.library.responses))
 
     def held_out_of(
         self, sets: Sequence[tuple[str, ...]], shape: Shape, most_vif: float = np.inf
-    ) -> dict[tuple[str, ...], HeldOut]:
+    ) -> dict[tuple[str, ...], sums.HeldOut]:
         """The same of many sets, of each number of terms together; without those in which a term has a larger VIF."""
         columns = {sensors: self.library.columns(sensors, shape) for sensors in sets}
         found = {}
@@ -147,10 +136,10 @@ class Bench:
                 kept = np.flatnonzero(self.largest_vifs(at) <= most_vif)
                 at, alike = at[kept], [alike[k] for k in kept]
             sse = self.leave_one_out.errors_of(at, len(self.library.responses))
-            found.update({sensors: HeldOut(sse[:, i], self.samples) for i, sensors in enumerate(alike)})
+            found.update({sensors: sums.HeldOut(sse[:, i], self.samples) for i, sensors in enumerate(alike)})
         return found
 
-    def relative(self, held_out: HeldOut) -> Array:
+    def relative(self, held_out: sums.HeldOut) -> Array:
         """Mean squared error per inner group, relative to each response's variance, mean over responses."""
         # differences below this are rounding of the cross-products, and no gauge would see them
         return np.asarray(np.maximum((held_out.mse / self.power).mean(axis=1), ROUNDING))
@@ -163,7 +152,7 @@ class Bench:
         """
         terms, at = shape.terms(sensors, self.library.speeds), self.library.columns(sensors, shape)
         responses = range(1 + self.library.moments.n_columns, len(self.total))
-        beta = coefficients(self.total, [1 + column for column in at], responses)[1:]
+        beta = sums.coefficients(self.total, [1 + column for column in at], responses)[1:]
         spread = np.sqrt(np.maximum(np.diag(self._about_means(at)) / self.n_samples, 0.0))
         moved = beta * spread[:, None] / np.sqrt(self.power)
         owners = self.library.owners(sensors, shape)
@@ -200,7 +189,7 @@ class Bench:
         at = [1 + column for column in self.library.columns(sensors, shape)]
         n = self.library.moments.n_columns
         responses = range(1 + n, 1 + n + len(self.library.responses))
-        rss = squared_error(self.total, at, responses, coefficients(self.total, at, responses))
+        rss = sums.squared_error(self.total, at, responses, sums.coefficients(self.total, at, responses))
         sst = np.diag(self._about_means(np.array(responses) - 1))
         found = []
         for j in range(len(responses)):
@@ -239,8 +228,8 @@ def library_of(
             terms.setdefault(key_of(term), term)
     ordered = sorted(terms.values(), key=lambda term: term.degree)
     design = Design(tuple(inputs), tuple(responses), datum, tuple(lags))
-    scaling = scaling_of(source, design)
+    scaling = sums.scaling_of(source, design)
     columns = Columns(scaling if is_hierarchical else scaling.about_zero(), tuple(ordered))
-    found = moments(source, design, columns, n_blocks=n_blocks, fold_of=fold_of)
+    found = sums.moments(source, design, columns, n_blocks=n_blocks, fold_of=fold_of)
     position = {key_of(term): i for i, term in enumerate(ordered)}
     return Library(found, position, tuple(responses), tuple(speeds), scaling)

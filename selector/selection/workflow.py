@@ -14,6 +14,7 @@ from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, more_than_its_er
 from selector.models.run_before import begun, in_parts, runs_before
 from selector.quality.finding_table import CONSTANT_CHANNEL, DUPLICATE_CHANNEL
 from selector.recording import RunSource, thinned
+from selector.selection import proving
 from selector.selection.candidates import Grouping, candidates
 from selector.selection.choice import Choice, Offer, Plan, Tested, plans, shapes_on_offer, tested, unit_um
 from selector.selection.doubts import LONGEST_PAUSE, doubts, known
@@ -30,16 +31,6 @@ from selector.selection.fitting import (
 )
 from selector.selection.library import Bench, Library
 from selector.selection.options import Options, Progress, Question, question_of
-from selector.selection.proving import (
-    Folds,
-    baselines,
-    beside_the_comparison,
-    blocks_per_run,
-    error_curve,
-    held_out,
-    left_out_errors,
-    with_own_baseline,
-)
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
 from selector.selection.result import Proof, Selection
 from selector.selection.survey import RunsOf, Survey, survey
@@ -83,8 +74,8 @@ def select(
     question = surveyed.question
     if question.options.memory:
         datum = replace(datum, follows=runs_before(source, surveyed.runs))
-    n_blocks = blocks_per_run(len(surveyed.runs), surveyed.n_samples)
-    folds = Folds(question, RunsOf(source, surveyed.runs), datum, n_blocks)
+    n_blocks = proving.blocks_per_run(len(surveyed.runs), surveyed.n_samples)
+    folds = proving.Folds(question, RunsOf(source, surveyed.runs), datum, n_blocks)
 
     chosen = _chosen(folds, surveyed, say)
     say("fitting", 0.75)
@@ -114,7 +105,7 @@ class _Chosen:
     best_of_offer: Mapping[Offer, Plan]
     plan: Plan  #: That is taken
     choice: Choice  #: Sensors and terms of the model
-    proving: Sequence[Choice]  #: What predicts each part, which was chosen and decided without it
+    provers: Sequence[Choice]  #: What predicts each part, which was chosen and decided without it
 
     @property
     def spread(self) -> Array:
@@ -122,7 +113,7 @@ class _Chosen:
         return np.sqrt(response_power(self.library.moments))
 
 
-def _chosen(folds: Folds, surveyed: Survey, say: Progress) -> _Chosen:
+def _chosen(folds: proving.Folds, surveyed: Survey, say: Progress) -> _Chosen:
     question = folds.question
     say("grouping sensors", 0.1)
     with side_by_side() as threads:
@@ -138,7 +129,9 @@ def _chosen(folds: Folds, surveyed: Survey, say: Progress) -> _Chosen:
         without_each.append(tested(question, one, Bench.of(library, folds.without(group)), static, lagged))
         say("choosing sensors without each run", 0.4 + 0.3 * (i + 1) / len(found))
     possible = [plan for plan in plans(question) if all(one.has(plan) for one in (on_all, *without_each))]
-    unseen = {plan: held_out(library, folds.outer, [one.choice(plan) for one in without_each]) for plan in possible}
+    unseen = {
+        plan: proving.held_out(library, folds.outer, [one.choice(plan) for one in without_each]) for plan in possible
+    }
     spread = np.sqrt(response_power(library.moments))
     best_of_offer, plan = _best_plan(question, unseen, spread)
     aimed = _aimed(question, library, folds, without_each, plan)
@@ -146,9 +139,9 @@ def _chosen(folds: Folds, surveyed: Survey, say: Progress) -> _Chosen:
     decided = [_best_plan(question, _without(unseen, i), spread)[1] for i in range(len(without_each))]
     if len(decided) < FEWEST_TO_DECIDE:
         decided = [plan] * len(decided)
-    proving = [one.aimed_at(aimed).choice(other) for one, other in zip(without_each, decided, strict=True)]
+    provers = [one.aimed_at(aimed).choice(other) for one, other in zip(without_each, decided, strict=True)]
     choice = on_all.aimed_at(aimed).choice(plan)
-    return _Chosen(library, found_all.grouping, without_each, unseen, best_of_offer, plan, choice, proving)
+    return _Chosen(library, found_all.grouping, without_each, unseen, best_of_offer, plan, choice, provers)
 
 
 @dataclass(frozen=True)
@@ -167,12 +160,12 @@ class _Fitted:
     lacking: Mapping[str, tuple[str, ...]]  #: Run that proves nothing → what it lacks
 
 
-def _fitted(folds: Folds, source: RunSource, surveyed: Survey, chosen: _Chosen) -> _Fitted:
+def _fitted(folds: proving.Folds, source: RunSource, surveyed: Survey, chosen: _Chosen) -> _Fitted:
     question, stride = folds.question, max(1, -(-surveyed.n_samples // MAX_ROWS))
     runs = folds.runs if stride == 1 else RunsOf(thinned(source, stride), surveyed.runs)
     recipe = refined(question, runs, folds.datum, chosen.choice.trial)
     rows = rows_of(runs, recipe.design, surveyed.runs)
-    beside, lacking = beside_the_comparison(folds, surveyed.runs, recipe.design)
+    beside, lacking = proving.beside_the_comparison(folds, surveyed.runs, recipe.design)
     parts = [*(folds.part(group) for group in folds.outer), *beside]
     ridge = ridge_penalty(recipe, rows, parts) if question.options.ridge else NO_RIDGE
     models = final_models(recipe, rows, ridge=ridge[0])
@@ -180,22 +173,22 @@ def _fitted(folds: Folds, source: RunSource, surveyed: Survey, chosen: _Chosen) 
     return _Fitted(runs, rows, stride, recipe, ridge, models, fallbacks, parts, beside, lacking)
 
 
-def _proof(folds: Folds, chosen: _Chosen, fitted: _Fitted) -> Proof:
-    choices = [*chosen.proving, *(chosen.choice for _ in fitted.beside)]
+def _proof(folds: proving.Folds, chosen: _Chosen, fitted: _Fitted) -> Proof:
+    choices = [*chosen.provers, *(chosen.choice for _ in fitted.beside)]
     not_taken = {offer: plan for offer, plan in chosen.best_of_offer.items() if offer != chosen.plan[0]}
     others = {offer: [one.choice(plan) for one in chosen.without_each] for offer, plan in not_taken.items()}
     proof = Proof(
         folds.left_out,
-        *left_out_errors(folds.question, fitted.runs, folds.datum, choices, fitted.parts, fitted.ridge[0]),
-        error_curve(chosen.library, folds.outer, [one.choice(chosen.plan) for one in chosen.without_each]),
-        baselines(folds.linear, chosen.library, folds.outer, others),
+        *proving.left_out_errors(folds.question, fitted.runs, folds.datum, choices, fitted.parts, fitted.ridge[0]),
+        proving.error_curve(chosen.library, folds.outer, [one.choice(chosen.plan) for one in chosen.without_each]),
+        proving.baselines(folds.linear, chosen.library, folds.outer, others),
         fitted.lacking,
     )
-    return with_own_baseline(proof) if fitted.beside else proof
+    return proving.with_own_baseline(proof) if fitted.beside else proof
 
 
 def _selection(
-    folds: Folds, chosen: _Chosen, fitted: _Fitted, proof: Proof, provenance: Mapping[str, Any]
+    folds: proving.Folds, chosen: _Chosen, fitted: _Fitted, proof: Proof, provenance: Mapping[str, Any]
 ) -> Selection:
     question, choice, recipe, rows = folds.question, chosen.choice, fitted.recipe, fitted.rows
     options, shape = question.options, choice.trial.shape
@@ -319,7 +312,7 @@ def _rms(errors: Array) -> float:
 
 
 def _aimed(
-    question: Question, library: Library, folds: Folds, fold_trials: Sequence[Tested], plan: Plan
+    question: Question, library: Library, folds: proving.Folds, fold_trials: Sequence[Tested], plan: Plan
 ) -> float | None:
     """What fixed sets have to reach so that the whole procedure, which chooses anew, reaches the target."""
     target = question.options.target
@@ -327,7 +320,7 @@ def _aimed(
         return None
     for share in AIMS:
         choices = [trials.aimed_at(share * target).choice(plan) for trials in fold_trials]
-        if (held_out(library, folds.outer, choices).rmse_um <= target).all():
+        if (proving.held_out(library, folds.outer, choices).rmse_um <= target).all():
             return share * target
     return AIMS[-1] * target
 

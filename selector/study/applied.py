@@ -6,15 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from selector.controllers.application import (
-    Application,
-    apply_model,
-    displacement_of,
-    displacement_starts,
-    known_starts,
-    sensor_starts,
-    without_displacement_faults,
-)
+from selector.controllers import application as applying
 from selector.controllers.finding_table import SENSOR_LOOKS_BROKEN
 from selector.controllers.from_selection import model_file_of
 from selector.controllers.guard.decided import with_decided_limits
@@ -32,16 +24,16 @@ from selector.study.finding_table import FINDINGS
 MOST_ROWS = 200_000  #: Of more the program is not run for a study: it takes a tenth of a millisecond a row.
 
 
-def applied(model: ModelFile, reading: Reading) -> tuple[Application, Recording]:
+def applied(model: ModelFile, reading: Reading) -> tuple[applying.Application, Recording]:
     """Predictions of a model for the recordings that were read, with all findings; and the recording without the faults
     of its displacement.
     """
-    compared, quality = without_displacement_faults(model, reading.recording)
-    starts = sensor_starts(model, compared)
-    application = apply_model(model, compared, start_readings=known_starts(starts))
+    compared, quality = applying.without_displacement_faults(model, reading.recording)
+    starts = applying.sensor_starts(model, compared)
+    application = applying.apply_model(model, compared, start_readings=applying.known_starts(starts))
     run_of = {part: run for part, (run, _) in compared.provenance.get(PARTS, {}).items()}
     told = [one for one in quality if not any(_says_the_same(other, one, run_of) for other in application.findings)]
-    of_starts = (*_without_start(starts), *_not_zeroed(displacement_starts(model, compared)))
+    of_starts = (*_without_start(starts), *_not_zeroed(applying.displacement_starts(model, compared)))
     findings = (*reading.findings, *told, *of_starts, *application.findings)
     return replace(application, findings=findings), compared
 
@@ -66,11 +58,12 @@ def proven_on_control(selection: Selection, data: StudyData) -> Selection:
 
 def _left_um(model: ModelFile, recording: Recording) -> dict[str, float]:
     """What the guarded program of a model leaves of each output over all runs [µm rms]."""
-    starts, errors = displacement_starts(model, recording), {output.name: [np.zeros(0)] for output in model.outputs}
+    starts = applying.displacement_starts(model, recording)
+    errors = {output.name: [np.zeros(0)] for output in model.outputs}
     for run in recording.runs:
         correction_um = reference_answers(model, rows_of_run(model, recording, run)).correction_um
         for k, output in enumerate(model.outputs):
-            recorded_um = displacement_of(output, recording, run) - starts[run].get(output.name, 0.0)
+            recorded_um = applying.displacement_of(output, recording, run) - starts[run].get(output.name, 0.0)
             before = len(correction_um) - len(recorded_um)
             zero_um = correction_um[before, k] if before else 0.0
             errors[output.name].append(recorded_um + correction_um[before:, k] - zero_um)

@@ -8,18 +8,7 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, told, with_place
-from selector.diagnosis.shapes.heating import (
-    EARLIER,
-    lacking,
-    off_starts,
-    rise_parts,
-    simulated_rise,
-    sources,
-    speed_power,
-    spindle_law,
-    temperature_rise,
-    warm_starts,
-)
+from selector.diagnosis.shapes import heating
 from selector.diagnosis.shapes.signals import excited, lagged, quick_time_constants, time_constants
 from selector.types import Vector
 
@@ -27,8 +16,8 @@ _MOST_SENSORS = 3
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    taus, warmth = time_constants(comparison, 10), warm_starts(comparison, response)
-    off = off_starts(comparison, response)
+    taus, warmth = time_constants(comparison, 10), heating.warm_starts(comparison, response)
+    off = heating.off_starts(comparison, response)
     for name, words, heat in _heats(comparison, response):
         # runs may begin at different levels of the simulated course, and settled there
         of_course = partial(late, comparison, name, settled=name == response)
@@ -42,7 +31,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
                 yield late(comparison, name, [(words, heat, 0.0), (words, heat, tau_s)], taus_s=(tau_s,))
         if np.any(warmth):
             for tau_s in taus[4::2]:
-                earlier = EARLIER, warmth * np.exp(-comparison.time_s / tau_s), 0.0
+                earlier = heating.EARLIER, warmth * np.exp(-comparison.time_s / tau_s), 0.0
                 yield of_course([(words, heat, tau_s), earlier], taus_s=(tau_s,))
         if np.any(off) and name == response:
             # a lag goes on from where the response was
@@ -54,33 +43,35 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 def _heats(comparison: Comparison, response: str) -> list[tuple[str, str, Vector]]:
     """Heat that the simulation carries: its course, its law of speed; with no speed, sensors that move with it."""
-    simulated = simulated_rise(comparison, response)
+    simulated = heating.simulated_rise(comparison, response)
     found = []
     if excited(simulated):
         found.append((response, f"simulated {response}", comparison.simulated_course(response)))
-    speed = sources(comparison, response).spindle
-    law = spindle_law(comparison, response)
+    speed = heating.sources(comparison, response).spindle
+    law = heating.spindle_law(comparison, response)
     if speed is not None and law is not None:
-        found.append((speed, f"{speed}^{law.exponent:.2g}", speed_power(comparison, speed, law.exponent)))
+        found.append((speed, f"{speed}^{law.exponent:.2g}", heating.speed_power(comparison, speed, law.exponent)))
     elif speed is None and found:
         for name in _carried(comparison, response, simulated):
-            found.append((name, name, rise_parts(comparison, response, name).of_spindle))
+            found.append((name, name, heating.rise_parts(comparison, response, name).of_spindle))
     return found
 
 
 def _carried(comparison: Comparison, response: str, simulated: Vector) -> list[str]:
     """Sensors that mostly move as the simulated course does, the nearest to it first."""
     near = []
-    for name in sources(comparison, response).machine:
-        values = temperature_rise(comparison, name)
-        if excited(values) and rise_parts(comparison, response, name).unaccounted_share < 0.1:
+    for name in heating.sources(comparison, response).machine:
+        values = heating.temperature_rise(comparison, name)
+        if excited(values) and heating.rise_parts(comparison, response, name).unaccounted_share < 0.1:
             near.append((abs(float(np.corrcoef(values, simulated)[0, 1])), name))
     return [name for likeness, name in sorted(near, reverse=True) if likeness > 0.5][:_MOST_SENSORS]
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
     lack = f"the simulated {response} does not move: there is no heating that it could remember"
-    return lacking(comparison, response) or (None if excited(simulated_rise(comparison, response)) else lack)
+    return heating.lacking(comparison, response) or (
+        None if excited(heating.simulated_rise(comparison, response)) else lack
+    )
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:

@@ -7,18 +7,7 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import late, place_of, told
-from selector.diagnosis.shapes.heating import (
-    EARLIER,
-    EXPONENTS,
-    SpindleLaw,
-    lacking,
-    simulated_rise,
-    sources,
-    speed_power,
-    spindle_law,
-    top_speed_rpm,
-    warm_starts,
-)
+from selector.diagnosis.shapes import heating
 from selector.diagnosis.shapes.signals import time_constants
 from selector.types import Vector
 
@@ -27,7 +16,7 @@ _ALL = 0.99  #: Squared correlation of a simulated course with its part by the s
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    name, law = sources(comparison, response).spindle or "", spindle_law(comparison, response)
+    name, law = heating.sources(comparison, response).spindle or "", heating.spindle_law(comparison, response)
     yield from _lacking_heat(comparison, name) if law is None else _other_law(comparison, response, name, law)
 
 
@@ -35,19 +24,19 @@ def _lacking_heat(comparison: Comparison, name: str) -> Iterator[Variant]:
     taus = time_constants(comparison, 8)
     place = place_of(comparison, name) or "spindle bearings"
     for exponent in (0.5, 1.0, 1.5, 2.0, 3.0):
-        heat, shape = speed_power(comparison, name, exponent), {"speed_exponent": Quantity(exponent, "1")}
+        heat, shape = heating.speed_power(comparison, name, exponent), {"speed_exponent": Quantity(exponent, "1")}
         for some in (*((k,) for k in range(len(taus))), (1, 4), (2, 6), (4, 7)):
             parts = [(f"{name}^{exponent:g}", heat, taus[k]) for k in some]
             yield late(comparison, name, parts, shape, place=place)
 
 
-def _other_law(comparison: Comparison, response: str, name: str, law: SpindleLaw) -> Iterator[Variant]:
+def _other_law(comparison: Comparison, response: str, name: str, law: heating.SpindleLaw) -> Iterator[Variant]:
     """The simulation's own lags, fed with another power of the speed, or only above a speed."""
-    place, warmth = place_of(comparison, name) or "spindle bearings", warm_starts(comparison, response)
+    place, warmth = place_of(comparison, name) or "spindle bearings", heating.warm_starts(comparison, response)
     lags = time_constants(comparison, 5)[2:] if np.any(warmth) else ()
-    earlier = [((), ()), *(((warmth * np.exp(-comparison.time_s / tau_s),), (EARLIER,)) for tau_s in lags)]
-    own = law.course(comparison, speed_power(comparison, name, law.exponent))
-    if np.corrcoef(own, simulated_rise(comparison, response))[0, 1] ** 2 < _ALL:
+    earlier = [((), ()), *(((warmth * np.exp(-comparison.time_s / tau_s),), (heating.EARLIER,)) for tau_s in lags)]
+    own = law.course(comparison, heating.speed_power(comparison, name, law.exponent))
+    if np.corrcoef(own, heating.simulated_rise(comparison, response))[0, 1] ** 2 < _ALL:
         # the gain would take what the simulation has of this heat off the rest of it, too
         earlier += [((own, *left), (f"{name}^{law.exponent:g} of the simulation", *said)) for left, said in earlier]
 
@@ -57,11 +46,11 @@ def _other_law(comparison: Comparison, response: str, name: str, law: SpindleLaw
             names = (f"{words} with the simulation's own delays", *said)
             yield Variant(np.column_stack([column, *beside]), names, shape, place=place, sources=(name,), regime=regime)
 
-    for exponent in EXPONENTS:
+    for exponent in heating.EXPONENTS:
         if abs(exponent - law.exponent) >= _APART:
             shape = {"speed_exponent": Quantity(exponent, "1")}
-            yield from of_heat(f"{name}^{exponent:g}", speed_power(comparison, name, exponent), shape)
-    top, part = top_speed_rpm(comparison, name), speed_power(comparison, name, 1.0)
+            yield from of_heat(f"{name}^{exponent:g}", heating.speed_power(comparison, name, exponent), shape)
+    top, part = heating.top_speed_rpm(comparison, name), heating.speed_power(comparison, name, 1.0)
     for level in _thresholds(part):
         shape, above = {"from_speed": Quantity(level * top, "rpm")}, f"{level * top:.0f} rpm"
         yield from of_heat(f"{name} above {above},", np.maximum(part - level, 0.0), shape, f"{name} > {above}")
@@ -75,13 +64,13 @@ def _thresholds(part: np.ndarray) -> list[float]:
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lack, name = lacking(comparison, response), sources(comparison, response).spindle
+    lack, name = heating.lacking(comparison, response), heating.sources(comparison, response).spindle
     if lack is not None or name is None:
         return lack or "no spindle speed that changes was recorded"
-    part = speed_power(comparison, name, 1.0)
+    part = heating.speed_power(comparison, name, 1.0)
     # speeds apart by a tenth of the highest that took at least 3 % of the time it turned
     counts = np.histogram(part[part > 0.05], bins=np.arange(0.05, 1.16, 0.1))[0]
-    is_one = np.sum(counts > 0.03 * max(counts.sum(), 1)) < 2 and spindle_law(comparison, response) is not None
+    is_one = np.sum(counts > 0.03 * max(counts.sum(), 1)) < 2 and heating.spindle_law(comparison, response) is not None
     return "the spindle turned at one speed only, which shows no law of speed" if is_one else None
 
 
@@ -92,7 +81,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         law = f"grows faster above {variant.shape['from_speed'].value:.0f} rpm"
     else:
         law = f"goes with {name}^{variant.shape['speed_exponent'].value:.2g}"
-    known = spindle_law(comparison, fitted.response)
+    known = heating.spindle_law(comparison, fitted.response)
     has = "has none" if known is None else f"has {name}^{known.exponent:.2g}"
     return told(fitted, f"{fitted.response} shows heating by the spindle that {law}, where the simulation {has}")
 

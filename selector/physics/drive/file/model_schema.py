@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args, 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
 
 from selector.physics.drive.ball_bar.circle import PairGeometry
+from selector.physics.drive.parts import stiffness as stiffnesses
 from selector.physics.drive.parts.axis import (
     MOST_WAITING,
     Axis,
@@ -32,12 +33,6 @@ from selector.physics.drive.parts.catalogue import (
     Screw,
     Table,
     thc6350_x_axis,
-)
-from selector.physics.drive.parts.stiffness import (
-    axial_compliance,
-    dry_friction,
-    parameter_course,
-    three_mass_mechanics,
 )
 from selector.physics.drive.trajectory import ParameterCourse, Reference
 from selector.physics.model_fields import SectionOf, Unit, Usual, entry_of, given, refusals, value_of
@@ -373,7 +368,7 @@ class FileAxis:
         """
         if self.parts is None or self.section.varying != "command":
             return None
-        return parameter_course(self.parts, reference, **dict(self.section.course))
+        return stiffnesses.parameter_course(self.parts, reference, **dict(self.section.course))
 
 
 def is_rotary(section: AxisSection) -> bool:
@@ -391,7 +386,7 @@ def file_axis(section: AxisSection) -> FileAxis:
     """
     parts = None if section.parts is None else parts_of(section.parts)
     # along the command dry friction is part of the damping
-    own = Friction() if parts is None or section.varying == "command" else dry_friction(parts)
+    own = Friction() if parts is None or section.varying == "command" else stiffnesses.dry_friction(parts)
     axis = Axis(
         mechanics=_mechanics(section, parts),
         friction=replace(own, **given(Friction, section.friction)),
@@ -400,7 +395,7 @@ def file_axis(section: AxisSection) -> FileAxis:
         sensing=value_of(Sensing, section.sensing),
         ripple=tuple(value_of(Ripple, one) for one in section.ripple),
         ripple_period=section.ripple_period or 2.0 * math.pi,
-        compliance=axial_compliance(parts) if parts is not None and section.varying == "state" else None,
+        compliance=stiffnesses.axial_compliance(parts) if parts is not None and section.varying == "state" else None,
     )
     return FileAxis(axis, parts, section)
 
@@ -414,7 +409,7 @@ def axis_contradictions(name: str, section: AxisSection) -> Iterator[Contradicti
 
 def _mechanics(section: AxisSection, parts: Parts | None) -> Mechanics:
     if parts is not None:
-        return three_mass_mechanics(parts)
+        return stiffnesses.three_mass_mechanics(parts)
     if section.mechanics is None:
         raise ValueError("an axis without mechanics and parts, which the file's contradictions tell")
     if getattr(section.mechanics, "kind", None) == "three-mass":

@@ -10,14 +10,7 @@ from typing import Literal
 import numpy as np
 
 from selector.errors import InputError, OptionError
-from selector.physics.thermal.field.geometry import (
-    MachineGeometry,
-    feet,
-    heated_parts,
-    heated_surfaces,
-    machine_blocks,
-    surfaces,
-)
+from selector.physics.thermal.field import geometry as shapes
 from selector.physics.thermal.field.mesh import Point, SolidMesh, block_mesh, probe_row
 from selector.physics.thermal.field.thermoelasticity import (
     MATERIALS,
@@ -46,7 +39,7 @@ BAR_M = (0.30, 0.05)
 class FieldMachine:
     """A machine as a field."""
 
-    geometry: MachineGeometry  #: Its lengths
+    geometry: shapes.MachineGeometry  #: Its lengths
     mesh: SolidMesh  #: Its mesh; `mesh.nodes_m` are the places of the states of `system`
     system: (
         heat_system.HeatSystem
@@ -71,7 +64,7 @@ class FieldMachine:
 
 
 def field_machine(
-    geometry: MachineGeometry | None = None,
+    geometry: shapes.MachineGeometry | None = None,
     refinement: float = 1.0,
     probes: Mapping[str, Point] | None = None,
     materials: Mapping[str, Material] = MATERIALS,
@@ -93,16 +86,16 @@ def field_machine(
         raise OptionError(
             f"refinement {refinement:g}", expected="a number above 0", where="mesh", advice="use 1, or 0.5 for a try"
         )
-    geometry = MachineGeometry() if geometry is None else geometry
-    body = block_mesh(machine_blocks(geometry), CELL_M / refinement)
+    geometry = shapes.MachineGeometry() if geometry is None else geometry
+    body = block_mesh(shapes.machine_blocks(geometry), CELL_M / refinement)
     # a place that is none is told before what takes seconds
     readings = {name: probe_row(body, place, name) for name, place in (probes or {}).items()}
     elastic = elasticity(body, materials, foot_springs(body, geometry, foot_n_per_m))
     rows = {name: elastic.row_um_per_k(reading) for name, reading in displacement_readings(body, geometry).items()}
     rows["Y"] = (rows["Y_lower"] + rows["Y_upper"]) / 2
-    sources = {name: volume_source(body, body.cells_of(*parts)) for name, parts in heated_parts().items()}
-    sources |= {name: surface_source(body, facets) for name, facets in heated_surfaces(body, geometry).items()}
-    system = field_system(body, materials, surfaces(body, geometry), sources, readings, rows)
+    sources = {name: volume_source(body, body.cells_of(*parts)) for name, parts in shapes.heated_parts().items()}
+    sources |= {name: surface_source(body, facets) for name, facets in shapes.heated_surfaces(body, geometry).items()}
+    system = field_system(body, materials, shapes.surfaces(body, geometry), sources, readings, rows)
     return FieldMachine(geometry, body, system, elastic)
 
 
@@ -130,16 +123,16 @@ def field_system(
 
 
 def foot_springs(
-    body: SolidMesh, geometry: MachineGeometry, foot_n_per_m: tuple[float, float, float] = FOOT_N_PER_M
+    body: SolidMesh, geometry: shapes.MachineGeometry, foot_n_per_m: tuple[float, float, float] = FOOT_N_PER_M
 ) -> Vector:
     """Stiffness [N/m] of the feet at every node, along X, Y, Z, of shape (n_nodes, 3)."""
     springs = np.zeros((len(body.nodes_m), 3))
-    for facets in feet(body, geometry).values():
+    for facets in shapes.feet(body, geometry).values():
         springs += surface_source(body, facets)[:, None] * np.array(foot_n_per_m)
     return springs
 
 
-def displacement_readings(body: SolidMesh, geometry: MachineGeometry) -> dict[str, Vector]:
+def displacement_readings(body: SolidMesh, geometry: shapes.MachineGeometry) -> dict[str, Vector]:
     """Readings of shape (3·n_nodes,) of the tool against the table.
 
     The bar moves rigidly with the face of the spindle, the stand of the gauges with the top of the table; so a
@@ -253,7 +246,7 @@ class VirtualMachine:
 def virtual_machining_centre(
     physics: Physics = "everything",
     *,
-    geometry: MachineGeometry | None = None,
+    geometry: shapes.MachineGeometry | None = None,
     refinement: float = 1.0,
     sensors: Mapping[str, Point] | None = None,
     tolerance: float = heat_system.TOLERANCE,
