@@ -11,13 +11,7 @@ from selector.atomic_file import folder_written_whole, refuse_to_replace_input, 
 from selector.controllers.application import other_sampling, without_displacement_faults
 from selector.controllers.evaluator import output_bound_um
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import (
-    decided_limits,
-    is_turned,
-    named_output,
-    with_decided_limits,
-    with_turned_signs,
-)
+from selector.controllers.guard import decided as deciding
 from selector.controllers.model_file import Input, ModelFile, OutputLimits, equations_sha256, write_model
 from selector.controllers.replay.replayed import Replay, replay_findings, replayed
 from selector.controllers.self_check import sealed, usable_model
@@ -122,11 +116,11 @@ def export_model(
     own = [] if (folder / MODEL).exists() and (folder / MODEL).samefile(model) else [MODEL]
     require_writable_folder(folder, "--out", (SHEET, *own))
     usable, of_touch_offs = _as_can_be_adapted(usable, chosen)
-    wider, of_margin = _with_margin(with_turned_signs(usable, options.invert), chosen, options.margin_percent)
+    wider, of_margin = _with_margin(deciding.with_turned_signs(usable, options.invert), chosen, options.margin_percent)
     wanted = _with_limits(wider, chosen, options)
-    of_limits = decided_limits(wanted)[1] if chosen.has_guard else ()
+    of_limits = deciding.decided_limits(wanted)[1] if chosen.has_guard else ()
     of_sign = tuple(_of_sign(wanted, target, options))
-    decided = sealed(with_decided_limits(wanted), is_kept=True)
+    decided = sealed(deciding.with_decided_limits(wanted), is_kept=True)
     program = chosen.write(decided, is_sign_verified=options.is_sign_verified)
     files = (*program.files, *own, SHEET)
     how = replace(options.overrides, needed=tuple(item.name for item in usable.inputs))
@@ -203,7 +197,7 @@ def _with_limits(model: ModelFile, target: Target, options: ExportOptions) -> Mo
                 expected = f"no limits: {target.title} has neither a clamp nor a slew limit"
                 advice = "leave the option out, and limit the temperature that the control passes on"
                 raise OptionError(f"{option} {name}={given}", expected=expected, where=option, advice=advice)
-            of = named_output(model, name, option)
+            of = deciding.named_output(model, name, option)
             if of in of_output:
                 expected, advice = f"one value for {of}", "keep one of them"
                 raise OptionError(f"{of_output[of]!r} and {name!r}", expected=expected, where=option, advice=advice)
@@ -274,7 +268,7 @@ def _of_sign(model: ModelFile, target: str, options: ExportOptions) -> Iterator[
             evidence={"equations_sha256": own},
         )
     for output in model.outputs:
-        if is_turned(output):
+        if deciding.is_turned(output):
             yield FINDINGS.finding(
                 "sign-turned",
                 f"The correction of {output.name} is turned round: it is the displacement itself, for a control that "

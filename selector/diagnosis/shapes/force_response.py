@@ -13,17 +13,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.axis import (
-    FORCE_ROLES,
-    commanded,
-    derivatives,
-    motion,
-    pushed,
-    simulated_axis,
-    simulated_drive_force,
-    simulated_forces,
-    telling_rows,
-)
+from selector.diagnosis.shapes import axis as axes
 from selector.diagnosis.shapes.signals import by_run, rise
 from selector.types import Vector
 
@@ -66,9 +56,9 @@ class ClosedLoop:
 def responds(comparison: Comparison, response: str) -> str | None:
     """None if a force on an axis shows in this response, else what is lacking, as a clause."""
     channel = comparison.channel(response)
-    if channel.role not in FORCE_ROLES + MOTION_ROLES:
+    if channel.role not in axes.FORCE_ROLES + MOTION_ROLES:
         return f"{response} is neither a force, current or voltage nor a motion"
-    if motion(comparison, channel.axis) is None:
+    if axes.motion(comparison, channel.axis) is None:
         return "no recorded position, command or speed of an axis that moves"
     return None
 
@@ -81,7 +71,7 @@ def yields_s2(comparison: Comparison, response: str) -> tuple[float, ...]:
     channel = comparison.channel(response)
     if channel.role not in PLACE_ROLES or not _has_loop(comparison, channel.axis):
         return (0.0,)
-    told = simulated_axis(comparison, channel.axis)
+    told = axes.simulated_axis(comparison, channel.axis)
     if told is not None:
         # what acts at the motor bends nothing; a control on the table makes good what bends, if it is as simulated
         return (0.0, told.yield_s2 or USUAL_YIELD_S2)
@@ -97,7 +87,7 @@ def guesses(comparison: Comparison, response: str) -> tuple[ClosedLoop, ...]:
 
 
 def _has_loop(comparison: Comparison, axis: str | None) -> bool:
-    return simulated_axis(comparison, axis) is not None or closed_loop(comparison, axis) is not None
+    return axes.simulated_axis(comparison, axis) is not None or closed_loop(comparison, axis) is not None
 
 
 def passed(
@@ -113,10 +103,10 @@ def passed(
     """
     channel = comparison.channel(response)
     order = _ORDERS.get(channel.role)
-    told = simulated_axis(comparison, channel.axis) if guess is None else None
+    told = axes.simulated_axis(comparison, channel.axis) if guess is None else None
     loop = guess or closed_loop(comparison, channel.axis)
     if told is not None:
-        answer = pushed(comparison, told, force, yield_s2)
+        answer = axes.pushed(comparison, told, force, yield_s2)
         moved = answer.countered if order is None else answer.motion[order]
     elif loop is None:
         return force, "in the drive" if order is None else "by compliance"
@@ -142,19 +132,19 @@ def felt(comparison: Comparison, response: str, course: Vector) -> Vector:
     """
     backwards = by_run(comparison, np.flip, course)
     channel = comparison.channel(response)
-    told = simulated_axis(comparison, channel.axis)
+    told = axes.simulated_axis(comparison, channel.axis)
     if told is None:
         back = passed(comparison, response, backwards)[0]
     else:
-        answer = pushed(comparison, replace(told, dry_m_per_s2=0.0), backwards)
-        back = answer.countered if channel.role in FORCE_ROLES else answer.motion[_ORDERS[channel.role]]
+        answer = axes.pushed(comparison, replace(told, dry_m_per_s2=0.0), backwards)
+        back = answer.countered if channel.role in axes.FORCE_ROLES else answer.motion[_ORDERS[channel.role]]
     return by_run(comparison, np.flip, back)
 
 
 def _sense_of(comparison: Comparison, response: str) -> float:
     """-1 of a displacement that is command less position, else 1."""
     channel = comparison.channel(response)
-    command, moving = commanded(comparison, channel.axis), motion(comparison, channel.axis)
+    command, moving = axes.commanded(comparison, channel.axis), axes.motion(comparison, channel.axis)
     if channel.role != "displacement" or command is None or moving is None or response not in comparison.simulated:
         return 1.0
     along = float(comparison.simulated_course(response) @ (moving.position_m - command))
@@ -165,7 +155,7 @@ def loop_parts(comparison: Comparison, response: str, course: Vector) -> tuple[V
     """Course as its second and third derivative pass the loop: what a sudden shift of the table costs the drive."""
     loop = closed_loop(comparison, comparison.channel(response).axis)
     if loop is None:
-        return (derivatives(comparison, course)[0],)
+        return (axes.derivatives(comparison, course)[0],)
     return tuple(_through(comparison, loop, power, course) for power in (loop.order - 1, loop.order))
 
 
@@ -182,11 +172,11 @@ def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop |
     Iterated least squares with prefilters: K. Steiglitz, L. E. McBride (1965), IEEE Trans. Automatic Control 10,
     461–464.
     """
-    command = commanded(comparison, axis)
-    state = motion(comparison, axis)
+    command = axes.commanded(comparison, axis)
+    state = axes.motion(comparison, axis)
     if command is None or state is None:
         return None
-    speed, _ = derivatives(comparison, command)
+    speed, _ = axes.derivatives(comparison, command)
     top = float(np.abs(speed).max())
     friction = state.friction_state(PRESLIDING_M)
     inputs = [speed / top, friction]
@@ -201,7 +191,8 @@ def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop |
             # ones over a run that starts in motion: passed through the loop, what was before its first sample fades
             inputs.append((comparison.run_index == k).astype(np.float64))
     found = (
-        _of_rows(comparison, outputs, inputs, by_motion if force else None, rows) for rows in telling_rows(comparison)
+        _of_rows(comparison, outputs, inputs, by_motion if force else None, rows)
+        for rows in axes.telling_rows(comparison)
     )
     return next((loop for loop in found if loop is not None), None)
 
@@ -231,10 +222,10 @@ def _of_rows(
 
 def _of_drive(comparison: Comparison, axis: str | None) -> tuple[list[Vector], float]:
     """The simulated force of the drive, of unit variance, and what mass and friction of the motion leave of it."""
-    drive = simulated_drive_force(comparison, axis)
+    drive = axes.simulated_drive_force(comparison, axis)
     if drive is None or float(np.std(drive[1])) == 0.0:
         return [], 0.0
-    left = drive[1] - np.sum(list(simulated_forces(comparison, axis).values()), axis=0)
+    left = drive[1] - np.sum(list(axes.simulated_forces(comparison, axis).values()), axis=0)
     left = by_run(comparison, lambda part: part - part.mean(), left)
     size = float(np.std(drive[1]))
     return [drive[1] / size], float(np.sqrt(np.mean(left**2))) / size

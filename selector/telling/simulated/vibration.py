@@ -16,14 +16,8 @@ from selector.physics.vibration.chains import ChainAccuracy
 from selector.physics.vibration.motion.chatter import StabilityLimit
 from selector.physics.vibration.motion.final_motion import ChainMethod, final_receptance
 from selector.physics.vibration.motion.periodic_error import KindHeight, PeriodicError
+from selector.physics.vibration.structure import structure as structures
 from selector.physics.vibration.structure.source import Source
-from selector.physics.vibration.structure.structure import (
-    CarryingMode,
-    StructureModes,
-    carrying_mode,
-    receptances,
-    unit_force,
-)
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import LineSummary, VibrationSummary
 from selector.telling.account import Account, Block, Drawing, Table, captioned, legend, section, table
@@ -167,7 +161,7 @@ def _stretch(time_s: Vector, motion: Vector, duration_s: float) -> slice:
     return slice(first, min(max(last, first + 2) + 1, len(time_s)))
 
 
-def carrying(model: VibrationModel, summary: VibrationSummary) -> CarryingMode | None:
+def carrying(model: VibrationModel, summary: VibrationSummary) -> structures.CarryingMode | None:
     """The mode that carries what the page begins with: the highest error, or the largest line."""
     if summary.errors:
         worst = highest(summary.errors)
@@ -179,7 +173,9 @@ def carrying(model: VibrationModel, summary: VibrationSummary) -> CarryingMode |
         return None
     source = next(one for one in model.sources if one.name == names[0])
     tool, workpiece = (model.finals[name] for name in FINALS)
-    return carrying_mode(model.structure, summary.modes, source, frequency_hz, tool=tool, workpiece=workpiece)
+    return structures.carrying_mode(
+        model.structure, summary.modes, source, frequency_hz, tool=tool, workpiece=workpiece
+    )
 
 
 def highest(errors: Sequence[PeriodicError]) -> PeriodicError:
@@ -187,7 +183,7 @@ def highest(errors: Sequence[PeriodicError]) -> PeriodicError:
     return max(errors, key=lambda one: one.kinematic_um)
 
 
-def error_sentence(one: PeriodicError, carried: CarryingMode | None) -> str:
+def error_sentence(one: PeriodicError, carried: structures.CarryingMode | None) -> str:
     """The highest periodic error: height, kind, wavelength, source and resonance."""
     return (
         f"The highest periodic error is {one.kind} of {number_text(one.kinematic_um)} µm, every "
@@ -196,7 +192,7 @@ def error_sentence(one: PeriodicError, carried: CarryingMode | None) -> str:
     )
 
 
-def carried_text(carried: CarryingMode | None, frequency_hz: float) -> str:
+def carried_text(carried: structures.CarryingMode | None, frequency_hz: float) -> str:
     """Which resonance has a hand in a line of this frequency [Hz], or that none has, as the end of a sentence."""
     if carried is None:
         return ""
@@ -296,7 +292,7 @@ def lines_table(lines: Sequence[LineSummary]) -> Table:
     return table(heads, rows, f"{more}Amplitudes in µm.")
 
 
-def modes_table(modes: StructureModes) -> Table:
+def modes_table(modes: structures.StructureModes) -> Table:
     """Frequency, dissipation and shape of every mode."""
     count = len(modes.frequency_hz)
     rows = []
@@ -460,9 +456,9 @@ def _coupled_um(
 ) -> Mapping[tuple[str, str], Vector]:
     """Source and final → |X/F| [µm/N]."""
     structure = model.structure
-    forces = np.array([unit_force(structure, source.member, source.against) for source in sources])
+    forces = np.array([structures.unit_force(structure, source.member, source.against) for source in sources])
     try:
-        motion = receptances(structure, frequency_hz, forces)
+        motion = structures.receptances(structure, frequency_hz, forces)
     except InputError:
         return {}
     return {
@@ -515,7 +511,7 @@ def _stability_data(limit: StabilityLimit | None) -> dict[str, Any] | None:
     }
 
 
-def _modes_data(modes: StructureModes) -> Iterator[dict[str, Any]]:
+def _modes_data(modes: structures.StructureModes) -> Iterator[dict[str, Any]]:
     for k, frequency in enumerate(modes.frequency_hz.tolist()):
         shape: list[complex] = modes.shapes[:, k].tolist()
         largest = max(shape, key=abs)

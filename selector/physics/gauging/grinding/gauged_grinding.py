@@ -12,17 +12,8 @@ from numpy.typing import NDArray
 from selector.errors import InputError, Misfit, refuse
 from selector.findings import Finding
 from selector.physics.gauging.finding_table import FINDINGS
+from selector.physics.gauging.gauge import transducer as transducers
 from selector.physics.gauging.gauge.characteristic import Characteristic
-from selector.physics.gauging.gauge.transducer import (
-    LinearGauge,
-    Relay,
-    RippleCrest,
-    Transducer,
-    removal_rate_um_per_s,
-    stage_thresholds_v,
-    voltage_rate_sd_v_per_s,
-    wear_share,
-)
 from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion, GaugeState, simulate_transducer
 from selector.physics.gauging.grinding._part_kernel import (
     ALLOWANCE,
@@ -71,22 +62,22 @@ def spread_freedoms(values: Vector) -> float:
 class GaugedGrinding:
     """Grinding that a gauge stops."""
 
-    gauge: LinearGauge  #: T_Φ, and the line by which thresholds and formulas go
+    gauge: transducers.LinearGauge  #: T_Φ, and the line by which thresholds and formulas go
     grinding: Grinding
-    relay: Relay = field(default_factory=Relay)
+    relay: transducers.Relay = field(default_factory=transducers.Relay)
     surface: Surface = field(default_factory=Surface)
     noise: Noise = field(default_factory=Noise)
     #: What the gauge shows in a simulation; beyond its ends it stays as it is there. None: the line.
     characteristic: Characteristic | None = None
     thresholds_v: tuple[float, ...] = ()  #: One a stage [V]; empty: those of G eq. 23, which then stand here
     #: Ripple of the smoothed voltage: the relay compares its peaks. None: there is none.
-    crest: RippleCrest | None = None
+    crest: transducers.RippleCrest | None = None
     correction: Correction | None = None  #: How thresholds follow finished parts that are measured. None: they stay.
 
     def __post_init__(self) -> None:
         if not self.thresholds_v:
             gauges = (self.gauge,) * len(self.grinding.stages)
-            object.__setattr__(self, "thresholds_v", stage_thresholds_v(gauges, self.grinding, self.relay))
+            object.__setattr__(self, "thresholds_v", transducers.stage_thresholds_v(gauges, self.grinding, self.relay))
 
     @property
     def wanted_um(self) -> float:
@@ -101,8 +92,8 @@ class GaugedGrinding:
     @property
     def rates_um_per_s(self) -> tuple[float, ...]:
         """How fast the allowance falls in each stage, the wheel being fresh [µm/s]."""
-        wear = wear_share(self.grinding)
-        return tuple(removal_rate_um_per_s(stage.feed_um_per_s, wear) for stage in self.grinding.stages)
+        wear = transducers.wear_share(self.grinding)
+        return tuple(transducers.removal_rate_um_per_s(stage.feed_um_per_s, wear) for stage in self.grinding.stages)
 
     @property
     def mean_thresholds_v(self) -> tuple[float, ...]:
@@ -131,7 +122,7 @@ class GaugedGrinding:
         Far below 1 the voltage passes its threshold once; above, noise reaches it early.
         """
         steady = abs(self.gauge.gain_v_per_um) * self.rates_um_per_s[-1]
-        return voltage_rate_sd_v_per_s(self.gauge, self.noise) / steady
+        return transducers.voltage_rate_sd_v_per_s(self.gauge, self.noise) / steady
 
 
 #: Steps in 1/β, T_Φ, lag_s and a turn with run-out: more of them change sizes by less than 20 000 parts can tell.
@@ -153,14 +144,14 @@ def longest_step_s(filter_s: float, grinding: Grinding, surface: Surface, noise:
     return longest
 
 
-def feeds_s(grinding: Grinding, relay: Relay, ends_um: Sequence[float]) -> float:
+def feeds_s(grinding: Grinding, relay: transducers.Relay, ends_um: Sequence[float]) -> float:
     """How long a part of mean allowance takes to these ends of its stages by the feeds alone, and the delays [s].
 
     A stage that ends above where it begins takes no time. The wheel is fresh.
     """
-    wear, begin, total = wear_share(grinding), grinding.allowance_um, 0.0
+    wear, begin, total = transducers.wear_share(grinding), grinding.allowance_um, 0.0
     for stage, end in zip(grinding.stages, ends_um, strict=True):
-        total += max(begin - end, 0.0) / removal_rate_um_per_s(stage.feed_um_per_s, wear) + relay.delay_s
+        total += max(begin - end, 0.0) / transducers.removal_rate_um_per_s(stage.feed_um_per_s, wear) + relay.delay_s
         begin = min(begin, end)
     return total
 
@@ -213,7 +204,7 @@ def part_plan(setup: GaugedGrinding, parts: int, steps: int | None = None) -> Pl
     """
     grinding, gauge, surface = setup.grinding, setup.gauge, setup.surface
     most_worn = min(parts, grinding.dress_every) if grinding.dress_every > 0 else parts
-    slower = 1.0 + wear_share(grinding, most_worn - 1)
+    slower = 1.0 + transducers.wear_share(grinding, most_worn - 1)
     step_s = gauge.time_constant_s / (steps_per_filter(setup) if steps is None else steps)
     lowest = _lowest_um(setup)
     of_feeds, of_thresholds = (slower * _steps_until(setup, step_s, ends) for ends in (_wanted_um(setup), lowest))
@@ -477,7 +468,7 @@ _SETTLING_FILTERS = 6.0
 _MOST_SWINGS = 1000  #: For a slow filter, behind which there is no ripple to settle.
 
 
-def waveform(transducer: Transducer, course: PartCourse, last_s: float) -> GaugeMotion:
+def waveform(transducer: transducers.Transducer, course: PartCourse, last_s: float) -> GaugeMotion:
     """The last `last_s` seconds before the feed stood, 200 samples a swing, at most from the start of the part.
 
     The probe meets what the gauge saw in the course, straight between its samples. Before that it swings until probe
