@@ -68,7 +68,7 @@ def _frame(bench: Bench) -> Component:
         dcc.Location(id="address", refresh=False),
         dcc.Store(id=parts.REVISION, data=bench.revision),
         *(dcc.Store(id=name, data=-1) for name in ("look", "tick", _NOTICED)),
-        *(dcc.Store(id=name, data=None) for name in (parts.AWAITED, "lacking")),
+        *(dcc.Store(id=name, data="") for name in (parts.AWAITED, "lacking")),
     ]
     head = [
         html.Div([html.Strong("selector"), " workbench"], title=f"selector {__version__}"),

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice, pairwise, takewhile
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 from urllib.parse import quote
 
 import dash
@@ -17,7 +17,7 @@ from dash.exceptions import PreventUpdate
 from selector.csv_text import csv_text
 from selector.errors import InputError, OptionError
 from selector.figures import style
-from selector.findings import Finding
+from selector.findings import Finding, Level
 from selector.telling.account import Account, Captioned, Drawing, Listing
 from selector.workbench.access import checked
 from selector.workbench.bench import Bench
@@ -60,12 +60,9 @@ def problem(error: InputError) -> Component:
 
 
 def remarks(findings: Iterable[Finding], beside: Callable[[Finding], list[Any]] = lambda _: []) -> Component:
-    """Findings as the report shows them: level, statement, where, what can be done; one entry a kind and level.
-
-    `beside` gives what else stands at a finding.
-    """
+    """Findings as the report shows them, the worst first; a kind and level once; `beside`: what else stands there."""
     kinds: dict[tuple[str, str], list[Finding]] = {}
-    for finding in findings:
+    for finding in sorted(findings, key=lambda one: get_args(Level).index(one.level), reverse=True):
         kinds.setdefault((finding.level, finding.id), []).append(finding)
     return html.Ul([_kind(alike, beside) for alike in kinds.values()], className="remarks")
 

@@ -89,6 +89,21 @@ def handle(page, trace: int, number: int) -> tuple[float, float]:
     return now
 
 
+def test_the_first_page_complains_of_nothing_and_every_page_is_seen_from_its_top(page):
+    page.reload()
+    page.get_by_role("button", name="Choose recordings …").wait_for()
+    page.wait_for_timeout(2000)
+    assert page.locator("#notice").inner_text() == ""
+    page.set_viewport_size({"width": 800, "height": 300})
+    page.get_by_role("link", name="Predict").click()
+    page.get_by_text("The duty cycle", exact=True).wait_for()
+    page.evaluate("window.scrollTo(0, 400)")
+    assert page.evaluate("window.scrollY") > 0
+    page.get_by_role("link", name="Export").click()
+    page.get_by_role("heading", name="Program for a control").wait_for()
+    assert page.evaluate("window.scrollY") == 0
+
+
 def test_from_an_example_to_a_program_by_keyboard_alone(page, bench):
     page.get_by_role("button", name="Simulated: a machining centre").focus()
     page.keyboard.press("Enter")

@@ -20,7 +20,8 @@ def test_findings_of_a_kind_are_one_entry_with_the_runs_named():
         for k in range(1, 9)
     ]
     other = Finding("gap", "info", "A short gap.", Where(run="r2", channel="T1"))
-    shown = parts.remarks([*gaps, other]).children
+    # the worst stands first, whatever the order
+    shown = parts.remarks([other, *gaps]).children
     assert len(shown) == 2
     first = shown[0].children
     assert "Run r1 has a gap of 1 min." in texts(first[0])

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from selector.figures import style
 from selector.figures.panels import Line, Panel, stacked
-from selector.number_text import number_text
+from selector.number_text import number_text, span_text
 from selector.physics.thermal.drift_quantities import largest_displacement
 from selector.recording import Channel, Recording
 
@@ -38,13 +38,8 @@ def inputs_and_displacements(recording: Recording, run: str, inputs: Sequence[st
             panels.append(Panel(unit, _lines(recording, run, [channel], steps=True), 70, least=0.0))
     panels.append(Panel("displacement [µm]", _lines(recording, run, moving), 300, least=0.0))
     most, at_s, um = largest_displacement(recording, run)
-    unit, seconds = style.time_unit(float(time_s[-1]))
-    title = (
-        f"Simulated: {style.label(most)} moves most, by {number_text(um)} µm after {at_s / seconds:.3g} {unit}"
-        if most
-        else "Simulated: no displacement"
-    )
-    return stacked(title, panels, float(time_s[-1]))
+    moves = f"{style.label(most)} moves most, by {number_text(um)} µm after {span_text(at_s)}"
+    return stacked(f"Simulated: {moves if most else 'no displacement'}", panels, float(time_s[-1]))
 
 
 def temperatures(recording: Recording, run: str, inputs: Sequence[str]) -> go.Figure:

@@ -8,6 +8,8 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
       const tabs = Array.from(document.querySelectorAll("header a.tab"));
       const ids = tabs.map((tab) => tab.getAttribute("href"));
       const shown = ids.includes(hash) ? hash : ids[0];
+      // another page is seen from its top
+      if (document.getElementById(`page-${shown.slice(1)}`).hidden) window.scrollTo(0, 0);
       // what was drawn while it was hidden has no width yet
       setTimeout(() => window.dispatchEvent(new Event("resize")), 50);
       const name = shown.slice(1);

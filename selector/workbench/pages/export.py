@@ -222,7 +222,7 @@ def _answered(bench: Bench, stamp: str, said: Mapping[str, Any] | None) -> Compo
     files = [path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
     texts = [path for path in files if path.suffix not in (".html", ".json", ".fmu")]
     rows = [
-        [parts.download(f"{name}/{path.name}", path.name), _WHAT.get(path.name, "program"), path.stat().st_size]
+        [parts.download(f"{name}/{path.name}", path.name), _WHAT.get(path.name, "for the control"), path.stat().st_size]
         for path in files
     ]
     findings = () if said is None else TypeAdapter(tuple[Finding, ...]).validate_python(said["findings"])

@@ -1,6 +1,7 @@
 """Simulate: a machine from a model file, its parameters as fields, and pictures that follow them."""
 
 import functools
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import groupby
@@ -142,17 +143,18 @@ def _rows(bench: Bench) -> Rows:
         asked = bench.simulation
         return _parameters(asked) if asked.model in bench.models(asked.kind) else {}
 
+    # to read a file takes seconds, in which another machine may be chosen: what it does not have is nothing
     def read(text: str | None, name: str) -> float:
-        return typed.number(text, name, unit=parameters()[name].unit)
+        return typed.number(text, name, unit=getattr(parameters().get(name), "unit", ""))
 
     def choose(columns: dict[str, dict[str, Any]]) -> bool:
         own = {name: one.value for name, one in parameters().items()}
-        changed = {name: value for name, value in columns["value"].items() if f"{value:.9g}" != f"{own[name]:.9g}"}
+        changed = {name: v for name, v in columns["value"].items() if f"{v:.9g}" != f"{own.get(name, v):.9g}"}
         model_shown(replace(bench.simulation, values=changed))
         return bench.choose_simulation(values=changed)
 
     def now(name: str) -> float:
-        return bench.simulation.values.get(name, parameters()[name].value)
+        return bench.simulation.values.get(name, getattr(parameters().get(name), "value", math.nan))
 
     return Rows(ID, (Column("value", read, now, lambda value: f"{value:.9g}"),), lambda: [*parameters()], choose)
 
