@@ -14,7 +14,7 @@ from selector.recording import PARTS, SENSOR_ROLES, RunSource, of_axis
 if TYPE_CHECKING:
     from selector.models.formula import Formula
 
-MAX_ROUNDS = 20
+MAX_ROUNDS, MAX_SENSORS = 20, 10_000
 _LARGEST_SEED = 2**53
 #: Representatives that a search over products is made of; more are first thinned by the linear search.
 MAX_CANDIDATES = 12
@@ -82,13 +82,12 @@ class Options:
             if not (math.isfinite(level) and 0.0 <= level <= 1.0):
                 advice = "try --lambda auto; sensors on one machine usually part between 0.9 and 0.999"
                 yield f"λ = {level}", "a number from 0 to 1, or auto", "--lambda", advice
-        if self.rounds < 1:
-            yield str(self.rounds), "a whole number of at least 1", "--rounds", "use e.g. --rounds 1"
-        if self.rounds > MAX_ROUNDS:
-            advice = "two or three rounds do: each must merge groups to have any effect"
-            yield f"{self.rounds} rounds", f"at most {MAX_ROUNDS}", "--rounds", advice
-        if self.max_sensors < 1:
-            yield str(self.max_sensors), "a whole number of at least 1", "--max-sensors", "use e.g. --max-sensors 1"
+        for option, asked, most in (
+            ("--rounds", self.rounds, MAX_ROUNDS),
+            ("--max-sensors", self.max_sensors, MAX_SENSORS),
+        ):
+            if not 1 <= asked <= most:
+                yield str(asked), f"a whole number of at least 1, at most {most}", option, f"use e.g. {option} 2"
         if self.tolerance is not None and not (math.isfinite(self.tolerance) and self.tolerance >= 0):
             expected = "a distance in adjusted R² of 0 or more, e.g. 0.001"
             advice = "leave the option out to choose by the error on unseen runs"
@@ -192,8 +191,8 @@ class Question:
 
     @property
     def max_sensors(self) -> int:
-        """Most sensors in a set; a formula may name more than `max_sensors` of the options."""
-        return max(self.options.max_sensors, len(self.needed))
+        """Most sensors in a set, of those that there are; a formula may name more than `max_sensors` of the options."""
+        return max(min(self.options.max_sensors, len(self.sensors)), len(self.needed))
 
 
 _NONE = "set roles in the file of `selector describe --write machine.toml`, or mend the faults that leave channels out"

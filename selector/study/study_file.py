@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from selector.atomic_file import write_whole
 from selector.errors import ModelFileError, StudyError
 from selector.physics.model_text import invalid, sections_of_text, shown
-from selector.selection.options import MAX_ROUNDS
+from selector.selection.options import MAX_ROUNDS, MAX_SENSORS
 from selector.text_file import text_of, toml_key, toml_value
 
 SCHEMA = "selector.study/1"
@@ -94,7 +94,7 @@ class SelectSection(Table):
         Field(alias="lambda"),
     ] = "auto"
     rounds: Annotated[int, Field(ge=1, le=MAX_ROUNDS)] = 1
-    max_sensors: Annotated[int, Field(ge=1, le=MOST_FILES)] = 5
+    max_sensors: Annotated[int, Field(ge=1, le=MAX_SENSORS)] = 5
     degree: Annotated[int, Field(ge=1, le=3)] = 1
     interactions: bool = False
     memory: bool = False

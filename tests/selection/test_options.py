@@ -9,6 +9,7 @@ import pytest
 
 from selector.errors import InputError, OptionError
 from selector.selection import Options, select
+from selector.selection.options import question_of
 from tests.models.runs import recording
 from tests.selection.machines import machine
 
@@ -24,6 +25,7 @@ from tests.selection.machines import machine
         ({"level": (0.9, 2.0), "rounds": 2}, "--lambda"),
         ({"rounds": 0}, "--rounds"),
         ({"max_sensors": 0}, "--max-sensors"),
+        ({"max_sensors": 10**20}, "--max-sensors"),
         ({"tolerance": -0.1}, "--tolerance"),
         ({"tolerance": math.inf}, "--tolerance"),
         ({"cost": {"T1": -1.0}}, "--cost"),
@@ -82,6 +84,13 @@ def test_recordings_that_cannot_support_a_model(source, message):
     with pytest.raises(InputError, match=message) as caught:
         select(source)
     assert caught.value.advice
+
+
+def test_no_more_sensors_are_looked_for_than_there_are():
+    source = machine(n_runs=2, n=60)
+    asked = question_of(source, Options(max_sensors=10_000))
+    assert asked.max_sensors == len(asked.sensors)
+    assert question_of(source, Options(max_sensors=2)).max_sensors == 2
 
 
 def test_levels_are_repeated_for_further_rounds():
