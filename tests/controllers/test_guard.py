@@ -157,6 +157,16 @@ def test_limits_that_nobody_decided_are_cautious_and_told():
     assert decided_limits(model.model_copy(update={"guard": decided}))[1] == ()
 
 
+@pytest.mark.parametrize(
+    ("given", "open_is"),
+    [({}, "how far and how fast"), ({"clamp_um": 5.0}, "how fast"), ({"slew_um_per_s": 2.0}, "how far")],
+)
+def test_what_was_decided_is_not_called_open(given, open_is):
+    guard = Guard(limits=(OutputLimits(output="Z", **given),))
+    (finding,) = decided_limits(rise_model().model_copy(update={"guard": guard}))[1]
+    assert finding.statement.startswith(f"Nobody has decided {open_is} Z may")
+
+
 @pytest.mark.skipif(os.name == "nt", reason="shlex reads the words of another shell")
 def test_the_options_that_a_finding_asks_for_can_be_pasted():
     model = rise_model()

@@ -7,7 +7,7 @@ import pytest
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, Term
 from selector.controllers.guard.decided import with_decided_limits
-from selector.controllers.replay.replayed import KINDS, rehearsal_findings, replayed
+from selector.controllers.replay.replayed import KINDS, rehearsal_findings, replay_findings, replayed
 from selector.controllers.writers.targets import TARGETS
 from tests.controllers.model_builders import recording_of, run_table
 
@@ -89,3 +89,26 @@ def test_apply_and_program_stand_side_by_side_with_the_reason():
     assert run.applied["Z"].rmse_um == pytest.approx(0.0, abs=0.1)
     assert run.accuracy["Z"].rmse_um > 5.0
     assert any("T1 " in why and " 3" in why for why in run.because["Z"])
+
+
+def test_a_smaller_guard_is_no_reason_for_what_a_sensor_costs():
+    time_s = np.arange(400) * 60.0
+    warm = 20.0 + 8.0 * (1.0 - np.exp(-time_s / 7200.0))
+    lost = np.where((time_s > 6000.0) & (time_s < 9000.0), np.nan, warm)
+    table = run_table(time_s, {"T1": lost, "T2": warm, "Z": 5.0 * (warm - 20.0)})
+    of, target = with_decided_limits(model(on_fault="ramp-to-zero")), TARGETS["fanuc"]
+    (run,) = replayed(of, target.write(of).files, recording_of({"lost": table}), target.parts).runs
+    assert run.accuracy["Z"].rmse_um > 5.0
+    assert any("not believed" in why for why in run.because["Z"])
+    assert not any("guard is smaller" in why for why in run.because["Z"])
+
+
+@pytest.mark.parametrize(("beyond", "level", "advises"), [(1, "info", False), (200, "warning", True)])
+def test_of_a_few_samples_beyond_the_range_nothing_is_advised(beyond, level, advises):
+    time_s = np.arange(400) * 60.0
+    warm = 20.0 + np.where(np.arange(400) >= 400 - beyond, 10.5, np.minimum(0.5 * np.arange(400), 9.9))
+    table = run_table(time_s, {"T1": warm, "T2": 20.0 + 0.0 * warm, "Z": 3.0 * (warm - 20.0)})
+    of, target = with_decided_limits(model()), TARGETS["python"]
+    proof = replayed(of, target.write(of).files, recording_of({"r": table}), target.parts)
+    (finding,) = [one for one in replay_findings(proof, has_guard=True) if one.id == "outside-valid-range"]
+    assert (finding.level, bool(finding.suggestion)) == (level, advises)

@@ -125,10 +125,11 @@ def decided_limits(model: ModelFile) -> tuple[dict[str, DecidedLimits], tuple[Fi
             open_ones.append(f"no faster than {slew:g} µm/s (slow enough for a finishing cut)")
             options.append(f"--slew {shell_word(output.name)}={slew:g}")
         if open_ones:
+            how = "how far and how fast" if len(open_ones) > 1 else "how far" if limits.clamp_um is None else "how fast"
             findings.append(
                 FINDINGS.finding(
                     "limit-not-decided",
-                    f"Nobody has decided how far and how fast {output.name} may be corrected. The program was written "
+                    f"Nobody has decided {how} {output.name} may be corrected. The program was written "
                     f"with {' and '.join(open_ones)}.",
                     evidence={"output": output.name, "clamp_um": clamp_um, "slew_um_per_s": slew},
                     suggestion=f"if that suits the machine, say so: {' '.join(options)}; else give other numbers",

@@ -390,7 +390,9 @@ def _run(
     begins_s = _begins_s(time_s, ungauged, main, whole)
     cut = [wanted_beyond_clamp(model, applied, run, name) for name in accuracy] if main.part.tells_mode else []
     clamped = tuple(one for one in cut if one is not None)
-    because = {name: tuple(_because(applied, clamped, run, name, faulty, begins_s, main.part)) for name in accuracy}
+    seen = np.max(_largest(main.expected_um - whole.correction_um)) > SEEN_UM
+    part = main.part if seen else replace(main.part, lacks="")
+    because = {name: tuple(_because(applied, clamped, run, name, faulty, begins_s, part)) for name in accuracy}
     said = faulty, beyond, begins_s, applied.per_run[run], because, clamped, ungauged, zero_um
     return ReplayedRun(run, time_s, correction_um - zero_um, main.expected_um - zero_um, recorded, accuracy, *said)
 
@@ -529,7 +531,9 @@ def _of_runs(proof: Replay, has_guard: bool) -> Iterator[Finding]:
                 Where(channel=item.name, run=run.run),
                 {"valid_min": item.valid_min, "valid_max": item.valid_max, "unit": unit}
                 | {"share_of_samples": one.share_of_samples},
-                level="info" if one.share_of_samples < SLIGHT_SHARE else "warning",
+                # about a few samples nothing is to be done; runs of the model itself have them, too
+                "" if (slight := one.share_of_samples < SLIGHT_SHARE) else None,
+                level="info" if slight else "warning",
             )
         for name, of in run.accuracy.items():
             alone = run.applied.get(name, of)

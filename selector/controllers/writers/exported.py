@@ -184,7 +184,7 @@ def filled(template: str, **values: object) -> str:
     return _Template(text).substitute(lines)
 
 
-UNVERIFIED = "SIGN UNVERIFIED: command +10 um and read the indicator before cutting; see the commissioning sheet."
+UNVERIFIED = "SIGN UNVERIFIED: do the sign test of the commissioning sheet before cutting."
 VERIFIED = "Sign verified, as the person said who exported it."
 
 

@@ -1,4 +1,4 @@
-# SIGN UNVERIFIED: command +10 um and read the indicator before cutting; see the commissioning sheet.
+# SIGN UNVERIFIED: do the sign test of the commissioning sheet before cutting.
 # Model: patent CN1868666, two sensors
 #   Z = -1.871 + 6.0476*dT1 + 2.6667*dT3 [um]
 #   Y = 0.5703 + 4.7292*dT1 - 0.5908*dT3 [um]
