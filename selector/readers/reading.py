@@ -232,7 +232,7 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
     what was expected, where, and what to do.
     """
     overrides = overrides or Overrides()
-    found = recording_files([Path(path) for path in paths])
+    found = recording_files([Path(path) for path in ([paths] if isinstance(paths, str | Path) else paths)])
     findings = list(found.findings)
     declared = machine_at(Path(machine)) if isinstance(machine, Path | str) else machine
     machine_file = str(machine) if isinstance(machine, Path | str) else None

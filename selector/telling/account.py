@@ -225,13 +225,13 @@ def grouped_remarks(findings: Iterable[Finding], *levels: str) -> tuple[Remark, 
 
 
 def next_steps(findings: Iterable[Finding], *then: str, most: int = 3) -> Items:
-    """What the worst findings advise, and what comes then."""
+    """What the worst findings advise, and what comes then; names stay as they are."""
     advised = [
-        f"{one.place}: {one.suggestion}" if one.place else f"{sentence(one.statement)} {sentence(one.suggestion)}"
+        f"{f'{one.place}:' if one.place else one.statement} {sentence(one.suggestion)}"
         for one in grouped_remarks(findings, "error", "warning")
         if one.suggestion
     ]
-    return Items((*(sentence(text) for text in advised[:most]), *then), are_steps=True)
+    return Items((*advised[:most], *then), are_steps=True)
 
 
 def sentence(text: str) -> str:

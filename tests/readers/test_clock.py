@@ -218,6 +218,10 @@ def test_end_and_begin_of_summer_time(reads, times):
     reading = reads(run(autumn))
     assert times(reading) == [60.0 * i for i in range(240)]
     assert any(f.id == "clock-jump-back" and "summer time" in f.statement for f in reading.findings)
+    # an hour on a day in which no summer time ends is not called its end
+    reading = reads(run([f"2026-03-05 {h:02d}:{m:02d}" for h in (1, 2, 2, 3) for m in range(60)]))
+    (finding,) = [f for f in reading.findings if f.id == "clock-jump-back"]
+    assert "(an hour, as at the end of summer time)" in finding.statement
     spring = [f"2026-03-29 {h:02d}:{m:02d}" for h in (1, 3) for m in range(60)]
     reading = reads(run(spring))
     assert times(reading) == [60.0 * i for i in range(120)]

@@ -53,6 +53,11 @@ def test_text_beside_recordings_is_told_and_not_read(folder, name):
     assert name in told.evidence["files"]
 
 
+def test_one_path_alone_is_read_as_one(folder):
+    for one in (str(folder), folder):
+        assert read(one).recording.runs == read([folder]).recording.runs
+
+
 def test_a_recording_may_have_a_word_in_its_name(folder):
     (folder / "r1.csv").rename(folder / "source_1.csv")
     assert "source_1" in read([folder]).recording.runs

@@ -1,6 +1,7 @@
 """Names of channels that are longer than a column."""
 
-from selector.telling.account import Account, captioned, section, sections, table
+from selector.findings import Finding, Where
+from selector.telling.account import Account, captioned, next_steps, section, sections, table
 from selector.telling.page import write_account
 
 
@@ -25,3 +26,13 @@ def test_a_name_without_a_place_to_break_it_leaves_the_other_columns_their_room(
     page.goto((tmp_path / "page.html").as_uri())
     assert page.evaluate("(t => t.scrollWidth <= t.clientWidth)(document.querySelector('.scroll'))")
     page.close()
+
+
+def test_what_to_do_next_keeps_the_names_of_runs_and_sensors():
+    said = next_steps(
+        [
+            Finding("stuck", "error", "t3 is frozen.", Where(run="tag1", channel="t3"), suggestion="check the cable"),
+            Finding("gap", "warning", "t4 has gaps.", suggestion="repair it"),
+        ]
+    )
+    assert [str(one) for one in said.items] == ["tag1, t3: Check the cable.", "t4 has gaps. Repair it."]

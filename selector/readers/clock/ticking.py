@@ -119,7 +119,7 @@ def _in_order(
         restart = abs(t[position] - t[0]) <= 2 * usual and not summer
         t[position:] += usual - size
         cause = "a restart of the logger" if restart else "the clock was set back"
-        cause, row = "the end of summer time" if summer else cause, table.line(int(rows[position]))
+        cause, row = "an hour, as at the end of summer time" if summer else cause, table.line(int(rows[position]))
         told = f"The clock of {table.file.name} jumps back by {-size:g} s at {row} ({cause}). The time behind it was "
         told += f"moved on so that one usual period of {usual:g} s passes"
         told += "." if summer else "; how long the pause really was is not known."
