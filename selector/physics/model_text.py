@@ -90,6 +90,8 @@ _WORDS = {
     "bool_type": "true or false",
     "int_type": "a whole number",
     "float_type": "a number",
+    "float_parsing": "a number",
+    "missing": "a further value",
     "string_pattern_mismatch": "a letter, then letters, digits and _, 16 at most",
 }
 _ENTRIES = {"Dictionary": "entry", "String": "character"}

@@ -316,7 +316,7 @@ def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool, alone: boo
             Where(channel.name, run),
             ({"other": partner.name} if alone else {"perhaps": partner.name})
             | {"mismatch": proof.before, "mismatch_after_swap": proof.after},
-            f"{advice} {does}",
+            f"{advice} If it says so already, take that out. {does}",
             "leave-out-channel" if acts else "none",
             level="error" if acts else "warning",
         )

@@ -111,6 +111,16 @@ def test_each_repair_gives_back_the_clean_run(folder):
     assert "empty-channel" not in {one.id for one in reading.findings}
 
 
+@pytest.mark.parametrize(
+    ("repair", "expected"),
+    [('swap = [["T1"]]', "a further value"), ('late_s = "three"', "a number"), ('use = "no"', "true or false")],
+)
+def test_a_repair_of_another_kind_is_refused_in_plain_words(folder, repair, expected):
+    with pytest.raises(ReadError) as caught:
+        read([folder], machine(folder, f"[runs.r1]\n{repair}\n"))
+    assert caught.value.expected == expected
+
+
 def test_the_same_piece_by_piece(folder):
     for k in range(1, 7):
         spoilt(k).to_parquet(folder / f"r{k}.parquet", index=False)
