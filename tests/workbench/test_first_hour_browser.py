@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import os
 import shutil
+import threading
 from pathlib import Path
 
 import pandas as pd
@@ -258,7 +259,9 @@ def test_a_duty_cycle_is_dragged_typed_and_predicted(page, bench):
     )
 
 
-def test_a_machine_is_picked_and_the_pictures_follow_its_parameters(page, bench):
+def test_a_machine_is_picked_and_the_pictures_follow_its_parameters(page, bench, monkeypatch):
+    read, is_let_go = simulation._parameters, threading.Event()
+    monkeypatch.setattr(simulation, "_parameters", lambda asked: is_let_go.wait(60) and read(asked))
     page.locator("#to-simulation").click()
     for kind in ("thermal", "drive", "gauging", "vibration"):
         assert shipped_models(kind)
@@ -266,6 +269,12 @@ def test_a_machine_is_picked_and_the_pictures_follow_its_parameters(page, bench)
     page.get_by_role("option", name="vibration").click()
     page.locator("#simulation-model").click()
     page.get_by_role("option", name="two-members").click()
+    # a file that takes long to read is told
+    page.wait_for_function(
+        "(({ content, visibility }) => content.includes('Reading') && visibility === 'visible')"
+        "(getComputedStyle(document.querySelector('#simulation-pictures'), '::before'))"
+    )
+    is_let_go.set()
     page.locator("#simulation-pictures .main-svg").first.wait_for()
     said = page.locator("#simulation-pictures .advice").inner_text()
     page.locator("#simulation-parameters summary").first.click()

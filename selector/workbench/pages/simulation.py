@@ -1,7 +1,6 @@
 """Simulate: a machine from a model file, its parameters as fields, and pictures that follow them."""
 
 import functools
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import groupby
@@ -154,7 +153,7 @@ def _rows(bench: Bench) -> Rows:
         return bench.choose_simulation(values=changed)
 
     def now(name: str) -> float:
-        return bench.simulation.values.get(name, getattr(parameters().get(name), "value", math.nan))
+        return bench.simulation.values.get(name, getattr(parameters().get(name), "value", float("nan")))
 
     return Rows(ID, (Column("value", read, now, lambda value: f"{value:.9g}"),), lambda: [*parameters()], choose)
 
