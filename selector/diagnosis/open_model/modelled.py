@@ -263,41 +263,8 @@ def _part(say: Say, start: float, end: float) -> Callable[[float, float], Say]:
 def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
     """What was put in, and what was found beside it in what the last fit leaves."""
     first, last, answer = tried.first, tried.last, tried.answer
-    mismatch, left = _squares(first.comparison), _squares(last.comparison)
-    floor = _floors(tried)
-    put, beside, also = _named(tried), list[NamedEffect](), [*answer.also_seen]
-    corrected = replace(last.comparison, simulated={name: answer.fit[name].after for name in answer.fit})
-    carries_beside = _carried(last.comparison, corrected, floor)
-    asked = None if tried.through is None else {one.id for one in tried.through.effects(catalogue())}
-    off = {name for name, squares in unseen_squares(last.comparison, floor).items() if squares > _NEAR**2}
-    for effect in answer.effects:
-        one = replace(
-            effect, share=effect.share * min(1.0, left[effect.channel] / max(mismatch[effect.channel], 1e-300))
-        )
-        if one.id in {e.id for e in put} or one.share < _FLOOR or not (asked is None or one.id in asked):
-            continue
-        # nor is a recording at fault beyond doubt where the model is still wrong elsewhere
-        if off - set(one.channels) if is_data(one.id) else asked is not None:
-            one = replace(one, confidence=min(one.confidence, _MOST_SURE_BESIDE))
-        is_sure = is_data(one.id) or carries_beside >= _BESIDE
-        is_sure &= any(_is_borne_out(tried, name, floor[name]) for name in one.channels)
-        (beside if is_sure else also).append(one)
-    if len(physics := [one for one in beside if not is_data(one.id)]) >= _MANY:
-        beside, also = [one for one in beside if is_data(one.id)], [*also, *physics]
-    if answer.verdict == "unexplained" and put and _carried(first.comparison, last.comparison, floor) < _CARRIES:
-        put, also = [], [*also, *put]
+    put, beside, also = _sorted_out(tried)
     effects = tuple(sorted([*put, *beside], key=lambda effect: -effect.share))
-    verdict: Verdict = "missing-physics" if any(not is_data(e.id) for e in effects) else "data-fault"
-    if not effects:
-        is_near = _is_near(first.nominal, last.comparison, floor)
-        held = [fit.heldout for fit in answer.fit.values()]
-        is_noise = all(of.noise_floor is not None and of.rmse_after <= _AT_NOISE * of.noise_floor for of in held)
-        if (answer.verdict == "unexplained" and not is_noise) or not is_near:
-            verdict = "unexplained"
-        elif _is_recalibrated(first) or answer.verdict == "miscalibrated":
-            verdict = "miscalibrated"
-        else:
-            verdict = "nothing-missing"
     lacking = [effect.id for effect in beside if not is_data(effect.id)]
     improved = None
     if put:
@@ -326,7 +293,7 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
     result = replace(
         answer,
         comparison=replace(answer.comparison, simulated=first.nominal.simulated, findings=tuple(findings)),
-        verdict=verdict,
+        verdict=_verdict(tried, effects),
         where=tuple(where) if effects else answer.where,
         effects=effects,
         also_seen=tuple(also),
@@ -338,6 +305,50 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
     )
     # that of the rest knows nothing of what was put in
     return Modelled(replace(result, headline=headline(result)), first, improved)
+
+
+def _sorted_out(tried: _Tried) -> tuple[list[NamedEffect], list[NamedEffect], list[NamedEffect]]:
+    """(what was put into the model, what is named beside it, what is only suspected) of all that was found."""
+    first, last, answer = tried.first, tried.last, tried.answer
+    mismatch, left = _squares(first.comparison), _squares(last.comparison)
+    floor = _floors(tried)
+    put, beside, also = _named(tried), list[NamedEffect](), [*answer.also_seen]
+    corrected = replace(last.comparison, simulated={name: answer.fit[name].after for name in answer.fit})
+    carries_beside = _carried(last.comparison, corrected, floor)
+    asked = None if tried.through is None else {one.id for one in tried.through.effects(catalogue())}
+    off = {name for name, squares in unseen_squares(last.comparison, floor).items() if squares > _NEAR**2}
+    for effect in answer.effects:
+        one = replace(
+            effect, share=effect.share * min(1.0, left[effect.channel] / max(mismatch[effect.channel], 1e-300))
+        )
+        if one.id in {e.id for e in put} or one.share < _FLOOR or not (asked is None or one.id in asked):
+            continue
+        # nor is a recording at fault beyond doubt where the model is still wrong elsewhere
+        if off - set(one.channels) if is_data(one.id) else asked is not None:
+            one = replace(one, confidence=min(one.confidence, _MOST_SURE_BESIDE))
+        is_sure = is_data(one.id) or carries_beside >= _BESIDE
+        is_sure &= any(_is_borne_out(tried, name, floor[name]) for name in one.channels)
+        (beside if is_sure else also).append(one)
+    if len(physics := [one for one in beside if not is_data(one.id)]) >= _MANY:
+        beside, also = [one for one in beside if is_data(one.id)], [*also, *physics]
+    if answer.verdict == "unexplained" and put and _carried(first.comparison, last.comparison, floor) < _CARRIES:
+        put, also = [], [*also, *put]
+    return put, beside, also
+
+
+def _verdict(tried: _Tried, effects: Sequence[NamedEffect]) -> Verdict:
+    if effects:
+        return "data-fault" if all(is_data(one.id) for one in effects) else "missing-physics"
+    held = [fit.heldout for fit in tried.answer.fit.values()]
+    is_noise = all(of.noise_floor is not None and of.rmse_after <= _AT_NOISE * of.noise_floor for of in held)
+    is_near = _is_near(tried.first.nominal, tried.last.comparison, _floors(tried))
+    if (tried.answer.verdict == "unexplained" and not is_noise) or not is_near:
+        return "unexplained"
+    return (
+        "miscalibrated"
+        if _is_recalibrated(tried.first) or tried.answer.verdict == "miscalibrated"
+        else "nothing-missing"
+    )
 
 
 def _carried(before: Comparison, after: Comparison, floor: Mapping[str, float]) -> float:
