@@ -46,7 +46,7 @@ def commissioning_account(
     is_sign_verified: bool,
 ) -> Account:
     """What is told to the person who puts a program on a control, to be printed and signed."""
-    turned = _turned(model)
+    turned, tested = _turned(model), f"{name}:{equations_sha256(model)[:16]}"
     label = (
         f"Turned round in this program: {turned}. The correction is the displacement itself, as the control was found "
         "to count the axis the other way."
@@ -54,11 +54,11 @@ def commissioning_account(
     return Account(
         f"Thermal correction: {target.title}",
         (
-            *steps("commissioning.verified" if is_sign_verified else "commissioning.unverified"),
+            *steps("commissioning.verified" if is_sign_verified else "commissioning.unverified", tested=tested),
             legend("commissioning.no-replay") if replay is None else verdict_of(replay),
         ),
         (
-            Section("sign", "Sign test", _sign_blocks(model, program.sign_test, target, name, is_sign_verified)),
+            Section("sign", "Sign test", _sign_blocks(model, program.sign_test, target, tested, is_sign_verified)),
             Section("install", "Installing", _install_blocks(program)),
             Section("wiring", "Wiring of the sensors", _wiring_blocks(model, target), link="Wiring"),
             *_touch_offs(model),
@@ -84,11 +84,11 @@ def _turned(model: ModelFile) -> str:
     return ", ".join(output.name for output in model.outputs if is_turned(output))
 
 
-def _sign_blocks(model: ModelFile, test: SignTest, target: Target, name: str, is_verified: bool) -> tuple[Block, ...]:
+def _sign_blocks(model: ModelFile, test: SignTest, target: Target, tested: str, is_verified: bool) -> tuple[Block, ...]:
     too_quick = target.has_guard and any(item.rate_limit_per_min is not None for item in model.inputs)
     told = steps("commissioning.sign", **vars(test))
     if not is_verified:
-        told += steps("commissioning.passed", tested=f"{name}:{equations_sha256(model)[:16]}")
+        told += steps("commissioning.passed", tested=tested)
     form = table(
         ["output", "axis", "command", "wait", "the control shows", "the indicator has to read [µm]", "read [µm]",
          "right", "date, name"],

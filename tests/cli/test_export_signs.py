@@ -50,6 +50,9 @@ def test_only_the_tested_program_is_called_verified(tmp_path, capsys):
     digits = f"python:{head_of(tested)[:16]}"
     assert f"--tested {digits}" in found["sign-unverified"]["suggestion"]
     assert f"--tested {digits}" in (tested / "commissioning.html").read_text(encoding="utf-8")
+    # the screen says it first, whatever it leaves out below
+    assert exit_status(["export", str(PATENT), "--for", "python", "--invert", "Z", "--out", str(tested)]) == 0
+    assert f"--tested {digits}" in " ".join(capsys.readouterr().out.partition("warning:")[0].split())
     # who forgets --invert would get the other sign
     out = tmp_path / "out"
     said = refused(capsys, PATENT, "--for", "python", "--out", out, "--sign-verified", "--tested", digits)
