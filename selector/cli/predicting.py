@@ -209,7 +209,7 @@ def _programs(prediction: Prediction, program: TimedProgram | None) -> dict[str,
     files = {}
     if prediction.programs:
         files["program.csv"] = program_table(prediction.programs)
-        files["program.txt"] = program_blocks(prediction.programs)
+        files["program.txt"] = program_blocks(prediction.programs, prediction.doubtful)
     if program is not None:
         files |= {program.file: program.text, "nc_sheet.txt": program.sheet}
     return files

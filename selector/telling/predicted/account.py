@@ -99,19 +99,11 @@ def prediction_account(
 
 
 def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]:
-    """What to correct when.
-
-    A program is not to be used where twice the error on unseen tests exceeds the tolerance: with errors that are
-    normally distributed, one drift in twenty would be off by more than all that was allowed.
-    """
+    """What to correct when."""
     if not prediction.programs:
         moves = [_moves(prediction, prediction.responses.index(name)) for name in _told(prediction)]
         return "good", (f"Expect {listed(moves)}.", _trust(prediction), legend("predicted.ask"))
-    doubtful = [
-        name
-        for name in prediction.programs
-        if 2.0 * _error_um(prediction, name) > prediction.programs[name].tolerance_um
-    ]
+    doubtful = prediction.doubtful
     useful = [name for name in prediction.programs if name not in doubtful]
     allowed = [listed([f"{one:g}" for one in program.tolerances_um]) for program in prediction.programs.values()]
     told = listed(list(dict.fromkeys(allowed)))
@@ -248,7 +240,7 @@ def _moves(prediction: Prediction, r: int) -> str:
 def _trust(prediction: Prediction) -> str:
     """How good the prediction was where that could be seen."""
     names = _told(prediction)
-    errors = [f"{number_text(_error_um(prediction, name), 2)} {prediction.unit(name)} in {name}" for name in names]
+    errors = [f"{number_text(prediction.error_um(name), 2)} {prediction.unit(name)} in {name}" for name in names]
     if prediction.left_out_um:
         seen = (
             f"Expect the prediction to be off by {listed(errors)} (root mean square): what the tests leave open, times "
@@ -270,15 +262,6 @@ def _trust(prediction: Prediction) -> str:
     return seen + (
         "; the true drift exceeds the tolerance by the error of the prediction." if prediction.programs else "."
     )
-
-
-def _error_um(prediction: Prediction, name: str) -> float:
-    """Error on what was left out; without it the worst on a test; 0 if nothing is known."""
-    r = prediction.responses.index(name)
-    for errors in (prediction.claimed_um, prediction.heldout_um):
-        if errors is not None and np.isfinite(errors[r]):
-            return float(errors[r])
-    return max((float(one.rmse_um[r]) for one in prediction.repeats), default=0.0)
 
 
 def _times(count: int) -> str:
@@ -326,7 +309,8 @@ def _down(time_s: float) -> float:
 def _blocks(prediction: Prediction) -> str:
     """Timed offset blocks, the first of very many."""
     # the rules stand in the page already
-    lines = [*dropwhile(lambda line: not line.startswith("["), program_blocks(prediction.programs).splitlines())]
+    text = program_blocks(prediction.programs, prediction.doubtful)
+    lines = [*dropwhile(lambda line: not line.startswith("["), text.splitlines())]
     more = [f"; {len(lines) - MOST_ROWS} more lines are in program.txt"] if len(lines) > MOST_ROWS else []
     return "\n".join([*lines[:MOST_ROWS], *more]).strip()
 

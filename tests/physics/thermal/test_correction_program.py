@@ -167,6 +167,9 @@ def test_blocks_are_never_late():
     program = correction_program(np.array([0.0, 3600]), np.array([0.0, 10.1]), [3600.0], 10.0)
     # reached after 3564.36 s = 59 min 24.36 s
     assert "AT   0:59:24" in program_blocks({"Z": program})
+    # who types it in has not read the answer
+    of_two = program_blocks({"Z": program, "Y": program}, ["Y"]).splitlines()
+    assert [line[:3] for line in of_two if "DO NOT USE" in line] == ["[Y]"]
 
 
 @settings(max_examples=100)

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -279,13 +279,14 @@ def program_table(programs: Mapping[str, CorrectionProgram]) -> str:
     return csv_text(_HEADINGS, rows)
 
 
-def program_blocks(programs: Mapping[str, CorrectionProgram]) -> str:
-    """The programs (response → program) as timed offset blocks that name no control, for people to type in."""
+def program_blocks(programs: Mapping[str, CorrectionProgram], doubtful: Collection[str] = ()) -> str:
+    """The programs (response → program) as timed offset blocks for people; those of `doubtful` ones say so."""
     lines = [Path(__file__).with_name("program_rules.txt").read_text(encoding="utf-8")]
     for response, program in programs.items():
         allowed = ", ".join(f"{one:g}" for one in program.tolerances_um)
         name = "".join(sign if sign.isprintable() else " " for sign in response)
-        lines.append(f"[{name}]   tolerance {allowed} µm")
+        unless = "   DO NOT USE: the prediction is not good enough" * (response in doubtful)
+        lines.append(f"[{name}]   tolerance {allowed} µm{unless}")
         number = 0
         for place, operation in enumerate(program.operations, start=1):
             lines.append("")

@@ -77,6 +77,22 @@ class Prediction:
         """µm, or K for a temperature."""
         return "K" if response in self.temperatures else "µm"
 
+    def error_um(self, response: str) -> float:
+        """Error on what was left out [µm]; without it the worst on a test; 0 if nothing is known."""
+        r = self.responses.index(response)
+        for errors in (self.claimed_um, self.heldout_um):
+            if errors is not None and np.isfinite(errors[r]):
+                return float(errors[r])
+        return max((float(one.rmse_um[r]) for one in self.repeats), default=0.0)
+
+    @property
+    def doubtful(self) -> list[str]:
+        """Responses whose program is not to be used: twice the error on unseen tests exceeds the tolerance.
+
+        With errors that are normally distributed, one drift in twenty would be off by more than all that was allowed.
+        """
+        return [name for name, of in self.programs.items() if 2.0 * self.error_um(name) > of.tolerance_um]
+
     def as_dict(self) -> dict[str, Any]:
         """JSON form, `selector.prediction/1`; numbers of temperatures are in K, whatever their key."""
         tolerances = {one for program in self.programs.values() for one in program.tolerances_um}
