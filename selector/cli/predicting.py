@@ -211,5 +211,7 @@ def _programs(prediction: Prediction, program: TimedProgram | None) -> dict[str,
         files["program.csv"] = program_table(prediction.programs)
         files["program.txt"] = program_blocks(prediction.programs, prediction.doubtful)
     if program is not None:
-        files |= {program.file: program.text, "nc_sheet.txt": program.sheet}
+        unless = f"DO NOT USE: the prediction of {', '.join(prediction.doubtful)} is not good enough.\n\n"
+        sheet = program.sheet.replace("\n\n", f"\n\n{unless}", 1) if prediction.doubtful else program.sheet
+        files |= {program.file: program.text, "nc_sheet.txt": sheet}
     return files

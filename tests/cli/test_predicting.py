@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from selector.cli import exit_status
+from selector.physics.thermal.prediction.prediction import Prediction
 from selector.telling.predicted.document import prediction_of
 from tests.physics.thermal.modes_chosen import modes_chosen_once as modes_chosen_once
 
@@ -436,7 +437,7 @@ def test_a_tolerance_for_each_operation(one_mode, capfd):
     assert max(np.abs(found["program"][1]["corrections_um"])) == pytest.approx(5.0)
 
 
-def test_the_correction_program_as_a_macro(one_mode, tmp_path, capsys):
+def test_the_correction_program_as_a_macro(one_mode, tmp_path, capsys, monkeypatch):
     arguments = ["predict", str(one_mode), "--machine", str(one_mode / "machine.toml"), "--json"]
     arguments += ["--cycle", str(one_mode.parent / "example.csv"), "--operations", "60,60", "--tolerance", "10"]
     assert exit_status([*arguments, "--nc", "fanuc"]) == 2
@@ -454,6 +455,13 @@ def test_the_correction_program_as_a_macro(one_mode, tmp_path, capsys):
     assert told["replay"]["calls"] > 4
     assert {"O9110.nc", "nc_sheet.txt", "program.csv"} <= {path.name for path in out.iterdir()}
     assert json.loads((out / "prediction.json").read_text(encoding="utf-8"))["nc"] == told
+    # who loads the program of a prediction that is too poor is told, too
+    for name, error_um in (("good", 4.9), ("poor", 5.1)):
+        monkeypatch.setattr(Prediction, "error_um", lambda _self, _response, error_um=error_um: error_um)
+        assert exit_status([*arguments, "--nc", "fanuc", "--out", str(tmp_path / name)]) == 0
+        sheet = (tmp_path / name / "nc_sheet.txt").read_text(encoding="utf-8")
+        assert ("DO NOT USE: the prediction of Z" in sheet) == (name == "poor")
+    capsys.readouterr()
     # what another answer left in the folder would be loaded by mistake; somebody's own file stays
     (out / "SELECTOR_TIMED.SPF").write_text("PROC MY_OWN\n", encoding="utf-8")
     without = [word for word in arguments if word not in ("--operations", "60,60", "--tolerance", "10")]

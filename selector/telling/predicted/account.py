@@ -107,13 +107,12 @@ def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]
     useful = [name for name in prediction.programs if name not in doubtful]
     allowed = [listed([f"{one:g}" for one in program.tolerances_um]) for program in prediction.programs.values()]
     told = listed(list(dict.fromkeys(allowed)))
-    instructions = [_instruction(prediction, name) for name in useful]
     if not useful:
         first = f"Do not use this program: the prediction of {listed(doubtful)} is not good enough for {told} µm."
         return "bad", (first, _trust(prediction), legend("predicted.sign"))
     corrected = any(len(one.times_s) > 1 for name in useful for one in prediction.programs[name].operations)
     ends = f"; the drift then stays within {told} µm" if corrected else ""
-    first = "; ".join(instructions) + ends + "."
+    first = "; ".join(_instruction(prediction, name) for name in useful) + ends + "."
     first = first[0].upper() + first[1:] if first.startswith("correct ") else first
     if doubtful:
         warning = f"Do not correct {listed(doubtful)}: the prediction is not good enough for {told} µm. "
@@ -307,8 +306,7 @@ def _down(time_s: float) -> float:
 
 
 def _blocks(prediction: Prediction) -> str:
-    """Timed offset blocks, the first of very many."""
-    # the rules stand in the page already
+    """Timed offset blocks, the first of very many, without the rules, which the page says itself."""
     text = program_blocks(prediction.programs, prediction.doubtful)
     lines = [*dropwhile(lambda line: not line.startswith("["), text.splitlines())]
     more = [f"; {len(lines) - MOST_ROWS} more lines are in program.txt"] if len(lines) > MOST_ROWS else []
