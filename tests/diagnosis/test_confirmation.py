@@ -121,13 +121,22 @@ def test_what_wrong_parameters_do_as_well_is_half_sure_and_says_so(slow, id_, ri
 
 
 @pytest.mark.parametrize(
-    ("unseen", "of_movement", "share", "is_none"),
-    [(0.0, 0.1, 0.2, True), (1.0, 0.1, 0.2, False), (0.0, 0.1, 0.3, False), (0.0, 0.4, 0.2, False)],
+    ("unseen", "of_movement", "share", "size", "is_none"),
+    [
+        (0.0, 0.1, 0.2, 8.0, True),
+        (1.0, 0.1, 0.2, 8.0, False),
+        (0.0, 0.1, 0.3, 8.0, False),
+        (0.0, 0.4, 0.2, 8.0, False),
+        # beside noise of five times its size: unseen rows gain 1.5 %, or next to nothing
+        (1.0, 0.1, 0.024, 0.2, False),
+        (0.8, 0.1, 0.024, 0.2, True),
+        (1.0, 0.1, 0.2, 0.2, True),
+    ],
 )
 def test_what_wrong_parameters_do_as_well_makes_unseen_rows_better_or_is_none(
-    slow, unseen, of_movement, share, is_none
+    slow, unseen, of_movement, share, size, is_none
 ):
-    made, result = found(slow, unseen)
+    made, result = found(slow, unseen, size)
     moved = np.std(made.recorded["Z"][~made.held_out])
     course = of_movement * moved * slow / np.std(slow[~made.held_out])
     effect = replace(named_effect(made, result, "thermal.memory"), courses={"Z": course}, share=share)

@@ -149,7 +149,8 @@ def only_cancels(effect: NamedEffect, found: Search) -> bool:
 def carries_little(comparison: Comparison, found: Search, effect: NamedEffect, *, is_doubted: bool) -> bool:
     """Whether a name carries little to unseen rows, is little and unsure, or a slow fault in an only run.
 
-    What wrong parameters do as well has to make unseen rows better, unless it explains a quarter.
+    What wrong parameters do as well has to make unseen rows better by most of what it explains of the fitted ones,
+    unless that is a quarter of them: beside noise both are little.
     """
     if effect.id == "data.stuck":
         return False
@@ -160,7 +161,8 @@ def carries_little(comparison: Comparison, found: Search, effect: NamedEffect, *
     gap = found.closed.get(effect.id)
     if effect.share >= MOST_OF_IT or effect.id not in found.named:
         return False
-    is_idle = effect.share < _QUARTER and left_unseen(effect, found) >= 1.0 - TRIFLE
+    least = min(TRIFLE, _PART * effect.share)
+    is_idle = effect.share < _QUARTER and left_unseen(effect, found) >= 1.0 - least
     if is_idle and is_like_parameters(comparison, found, effect):
         return True
     if gap is None or gap.high is None:

@@ -97,6 +97,14 @@ class Bench:
         names = (*self.nuisance_names[: gone.start], *self.nuisance_names[gone.stop :])
         return replace(self, nuisance=self.nuisance[:, kept], nuisance_names=names, own=own)
 
+    def of_all_rows(self, kept: Sequence[int]) -> Bench:
+        """The same with some of the candidates alone, and the unseen rows fitted, too."""
+        some = [self.candidates[v] for v in kept]
+        firsts = np.cumsum([0, *(self.counts[v] for v in kept)])
+        moved = tuple(replace(one, first=int(first)) for one, first in zip(some, firsts, strict=False))
+        scales = np.concatenate([self.scales[one.columns] for one in some])
+        return replace(self, candidates=moved, scales=scales, fitted=self.fitted | self.unseen, pseudo_target=None)
+
     def with_noise(self, noise: NoiseModel) -> Bench:
         """The same with another noise filter."""
         other = replace(self, noise=noise, pseudo_target=None)

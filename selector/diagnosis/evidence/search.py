@@ -10,7 +10,7 @@ from selector.diagnosis.evidence.misfit import misfit, tempered, with_pseudo_tar
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.testing import Tested, of_all, tail_probability, tests_of
+from selector.diagnosis.evidence.testing import Tested, of_all, tail_probability, tests_of, together
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.shapes.machine_cycle import MachineCycle
 from selector.diagnosis.shapes.residual import least_squares
@@ -25,6 +25,7 @@ _NEARLY = 0.6
 _LEAP = 0.5  #: Of a fault's size: a reading that changes by as much from one sample to the next is not slow.
 #: Canonical correlation of courses from which two effects stand together, where laws are all somewhat wrong.
 _THE_SAME = 0.9
+_TOLD_APART = 14.0  #: Score by which fitted rows tell an effect from another one: odds of a thousand.
 _RIVAL = 0.2  #: An effect of less than this share of the weight of the named one is told from it.
 #: Of the mismatch: what explains less is no name. What gains less than this share of the clearest named effect may be
 #: what its shape does not fit exactly.
@@ -403,16 +404,60 @@ def _with_fewer(benches: Benches, named: Named, given: _Given) -> Named:
 
 
 def _told(benches: Benches, named: Named, given: _Given) -> Search:
-    standing = given.standings(benches, named)
+    standing: dict[str, Standing] = {}
     rivals: dict[str, tuple[str, ...]] = {}
     weights: dict[str, Mapping[str, float]] = {}
-    for name in named:
-        beside = given.standings(benches, without(named, name))
+    for name in list(named):
+        beside, others = given.standings(benches, without(named, name)), without(named, name)
+        is_noise = all(given.times[of] == 1.0 and benches[of].unseen.any() for of in beside[name].responses)
+        fitted = _weights(beside, name)
+        weighed = _weights(_by_all_rows(benches, beside, others, name), name) if is_noise else fitted
+        # what one run alone has says nothing of unseen rows that could be wrong
+        is_told = {one: _tells(benches[beside[one].main], beside[one].chosen[beside[one].main]) for one in weighed}
+        may = {one for one in weighed if weighed[name] < _RIVAL * weighed[one] and is_told[one] >= is_told[name]}
+        may = {one for one in may if given.supports(beside[one]) and _alike(benches, beside, named, name, one)}
+        if is_noise and may:
+            best = max(may, key=lambda one: weighed[one])
+            named = {best if id_ == name else id_: of for id_, of in named.items()} | {best: beside[best].chosen}
+            name = best
         standing[name] = beside[name]
-        weighed = _weights(beside, name)
-        rivals[name] = _rivals(benches, beside, named, name, weighed)
+        # what unseen rows do not tell from it either
+        both = (one for by in (weighed, fitted) for one in _rivals(benches, beside, named, name, by))
+        alike = (one for one in both if weighed.get(one, 0.0) >= _RIVAL * weighed[name])
+        rivals[name] = tuple(dict.fromkeys(alike))
         weights[name] = {one: weighed[one] for one in (name, *rivals[name])}
-    return Search(benches, named, standing, rivals, weights)
+    return Search(benches, named, given.standings(benches, named) | standing, rivals, weights)
+
+
+def _tells(bench: Bench, v: int) -> bool:
+    """Whether a candidate says anything of the unseen rows."""
+    return bool(np.any(bench.candidates[v].variant.columns[bench.unseen]))
+
+
+def _by_all_rows(benches: Benches, beside: Mapping[str, Standing], others: Named, id_: str) -> dict[str, Standing]:
+    """An effect, and what fitted rows do not tell from it, with the score that the unseen rows leave to each.
+
+    Who says of these what is not there makes them less likely. To the score comes what the best shape of the fitted
+    rows gains more where all rows are fitted, in noise of the size that the effect leaves of them.
+    """
+    least = beside[id_].score - _TOLD_APART
+    may = {name: one for name, one in beside.items() if name == id_ or one.score > least}
+    evidence: dict[str, list[float]] = {name: [] for name in may}
+    for response, bench in benches.items():
+        named, tested = numbers(others, response), {name: one.tested.get(response) for name, one in may.items()}
+        shapes = {name: one.best for name, one in tested.items() if one is not None}
+        if not shapes:
+            continue
+        whole = bench.of_all_rows([*named, *shapes.values()])
+        base, own = list(range(len(named))), list(shapes).index(id_) if id_ in shapes else None
+        left = _left(whole, base if own is None else [*base, len(named) + own])
+        whole = whole.with_noise(NoiseModel(bench.noise.phi, bench.noise.sd * rms(left)))
+        whole = with_pseudo_target(whole, base) if bench.pseudo_target is not None else whole
+        gains = solved(whole.moments(whole.base(base))).gain[len(named) :]
+        for name, gain in zip(shapes, gains, strict=True):
+            looks = 2.0 * np.log(bench.candidates[shapes[name]].variant.looked_at)
+            evidence[name].append(may[name].tested[response].evidence + gain - looks - may[name].tested[response].gain)
+    return {name: replace(one, score=float(together(evidence[name]))) for name, one in may.items()}
 
 
 def _by_transfer(
@@ -433,8 +478,7 @@ def _by_transfer(
             continue
         falls, the_same = {}, set()
         # what unseen rows do not have they know by the recalibration alone, which any shape of those rows puts right
-        unseen = benches[main].unseen
-        is_elsewhere = unseen.any() and not np.any(benches[main].candidates[of[main]].variant.columns[unseen])
+        is_elsewhere = benches[main].unseen.any() and not _tells(benches[main], of[main])
         for other, one in beside.items():
             is_rival = other != id_ and main in one.responses and one.p_value <= given.level
             if is_rival and is_elsewhere:
