@@ -195,6 +195,17 @@ def test_a_doubted_name_is_as_sure_as_what_it_surely_closes_from_a_half_to_three
     assert named_effect(made, doubted, "thermal.memory").confidence == 0.5
 
 
+@pytest.mark.parametrize(("unseen", "sure"), [(1.0, 0.96), (0.9, 0.75)])
+def test_what_explains_little_is_sure_where_unseen_rows_gain_most_of_what_they_ought_to(slow, unseen, sure):
+    """It is 0.4 of the noise: the unseen rows gain 40 or 26 of the 58 that the size of the fitted ones promises."""
+    made, result = found(slow, unseen, 0.4)
+    effect = confirmed(made, result, "thermal.memory")
+    assert effect.share < 0.1
+    assert not effect.suspected
+    assert not result.closed
+    assert effect.confidence == pytest.approx(sure, abs=0.01)
+
+
 @pytest.mark.parametrize(("surely_closed", "sure"), [(None, 0.75), (0.2, 0.75), (0.3, 0.96)])
 def test_what_explains_little_is_surer_than_three_quarters_only_where_unseen_rows_bear_it_out(
     slow, surely_closed, sure

@@ -63,6 +63,11 @@ class Confirmation:
         return self.gain < -_SEEN or (self.gain <= 0.0 and self.energy > _SEEN) or self.is_of_another_size
 
     @property
+    def bears_out(self) -> bool:
+        """Whether it gains there more than chance, and most of what it ought to."""
+        return self.gain > max(_SEEN, _PART * self.energy)
+
+    @property
     def is_of_another_size(self) -> bool:
         """Whether its size on the held-out rows is surely and clearly another than on those that it was fitted to."""
         if not (self.energy > 0.0 and self.fitted_energy > 0.0):
@@ -93,7 +98,8 @@ def confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     What acts there has to make the error itself smaller, as the filter may make much of what is quick; what takes a
     quarter of its square is borne out, of whatever size. A frozen reading is proved by its equal readings.
     """
-    effect, told = named_effect(comparison, found, id_), confirmation(found, id_)
+    told = confirmation(found, id_)
+    effect = named_effect(comparison, found, id_, is_borne_out=told.bears_out)
     left = left_unseen(effect, found)
     falls_short = told.gain < _PART * told.energy
     is_lost = effect.acts is None and left >= 1.0 and (effect.share < LEAST or falls_short)

@@ -103,7 +103,7 @@ _GUESS = 0.1  #: Confidence below which a name says next to nothing.
 #: Weights, and how often names of such a weight are right: 102 names of real recordings, 203 of development seeds, and
 #: 451 of an exam that was over.
 _RIGHT = (0.0, 0.5, 0.7, 0.85, 1.0), (0.0, 0.5, 0.75, 0.9, 0.96)
-#: How sure what explains little is at most, unless it surely closes so much of the gap on unseen rows.
+#: How sure what explains little is at most, unless unseen rows bear it out, or it surely closes so much of their gap.
 _OFTEN, _SURELY_CLOSED = 0.75, 0.25
 _FAR_ABOVE = 4.0
 _ONE_SPEED = 0.1  #: Of the usual speed, by which it differs at most.
@@ -118,8 +118,8 @@ _WHOLE = 0.7  #: Confidence of what recalibration shows in one response, and mos
 _INPUT_FAULT = 0.9  #: Confidence of a fault that a channel's own course shows and nothing else explains.
 
 
-def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
-    """The effect as the answer has it."""
+def named_effect(comparison: Comparison, found: Search, id_: str, *, is_borne_out: bool = False) -> NamedEffect:
+    """The effect as the answer has it; what is little is surer where unseen rows have it as it ought to be there."""
     standing, by_response = found.standing[id_], found.named[id_]
     gains = {name: found.standing[id_].tested[name].gain for name in by_response}
     main = max(gains, key=lambda name: gains[name])
@@ -146,7 +146,8 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     if gap is not None and gap.high is not None and (share < MOST_OF_IT or id_.startswith("data.")):
         # no surer than the names are shown to carry on unseen rows
         confidence = min(confidence, gap.high)
-    if share < TENTH and id_ != "data.stuck" and (gap is None or gap.low is None or gap.low < _SURELY_CLOSED):
+    is_borne_out |= gap is not None and gap.low is not None and gap.low >= _SURELY_CLOSED
+    if share < TENTH and id_ != "data.stuck" and not is_borne_out:
         confidence = min(confidence, _OFTEN)
     # with nothing meant to be kept nothing is lacking
     held = comparison.held_out
