@@ -20,12 +20,14 @@ if TYPE_CHECKING:
 
 PAGE = "fleet.html"
 FleetPath = Annotated[Path, argument("fleet FLEET.toml")]
+Jobs = Annotated[int | None, option("fleet --jobs", min=1)]
+Dask = Annotated[str | None, option("fleet --dask")]
 
 
 def run(
     fleet: FleetPath,
-    jobs: Annotated[int | None, option("fleet run --jobs", min=1)] = None,
-    dask: Annotated[str | None, option("fleet run --dask")] = None,
+    jobs: Jobs = None,
+    dask: Dask = None,
     refit: Annotated[bool, option("fleet run --refit")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -37,12 +39,10 @@ def run(
     from selector.fleet import RESULT_FILE, Cluster, Processes, read_fleet, run_fleet
     from selector.telling.fleet import fleet_account
 
-    if jobs is not None and dask is not None:
-        expected = "processes of this computer, or a cluster"
-        raise unusable_option(f"--jobs {jobs} beside --dask {dask}", expected, "leave one of the two out")
     asked = read_fleet(fleet)
+    n_processes = _processes(jobs, dask, asked)
     require_writable_folder(asked.results, "results", (RESULT_FILE,))
-    workers = Cluster(dask) if dask is not None else Processes(min(jobs or os.cpu_count() or 1, len(asked.studies)))
+    workers = Cluster(dask) if dask is not None else Processes(n_processes)
     try:
         with fleet_progress() as tell:
             answer = run_fleet(asked, workers, tell, refit=refit)
@@ -53,7 +53,11 @@ def run(
 
 
 def watch(
-    fleet: FleetPath, out: Annotated[Path | None, option("fleet watch --out")] = None, as_json: AsJson = False
+    fleet: FleetPath,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    out: Annotated[Path | None, option("fleet watch --out")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Applies every machine's model to the recordings that came after it, and says where it is no longer true.
 
@@ -62,25 +66,35 @@ def watch(
     """
     from selector.fleet import read_fleet, watch_fleet
     from selector.fleet.watching import WATCH_FILE
+    from selector.fleet.workers import pool_of
     from selector.telling.fleet import watch_account
 
     _require_page(out)
     asked = read_fleet(fleet)
+    n_processes = _processes(jobs, dask, asked)
     require_writable_folder(asked.results, "results", (WATCH_FILE,))
-    with fleet_progress() as tell:
-        account = watch_account(watch_fleet(asked, tell), title=_title(asked))
+    with pool_of(n_processes, dask) as pool, fleet_progress() as tell:
+        account = watch_account(watch_fleet(asked, tell, pool), title=_title(asked))
     _show(account, "the page of --out", out, as_json=as_json)
 
 
 def report(
-    fleet: FleetPath, out: Annotated[Path | None, option("fleet report --out")] = None, as_json: AsJson = False
+    fleet: FleetPath,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    out: Annotated[Path | None, option("fleet report --out")] = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Makes one page from the results folder: what to do this week, all machines, sensor places that serve all."""
+    """Makes one page from the results folder: what to do this week, all machines, sensor places that serve all.
+
+    It reads what is there: --jobs and --dask are taken as by the other commands, and make no difference.
+    """
     from selector.fleet import overview, read_answer, read_fleet
     from selector.telling.fleet import fleet_account
 
     _require_page(out)
     asked = read_fleet(fleet)
+    _processes(jobs, dask, asked)
     if out is None:
         require_writable_folder(asked.results, "results", (PAGE,))
     answer = read_answer(asked.results)
@@ -138,6 +152,13 @@ def _require_page(out: Path | None) -> None:
     if out is not None:
         require_page_place(out, "--out")
         require_writable_folder(out.parent, "--out", (out.name,))
+
+
+def _processes(jobs: int | None, dask: str | None, asked: Fleet) -> int:
+    if jobs is not None and dask is not None:
+        expected = "processes of this computer, or a cluster"
+        raise unusable_option(f"--jobs {jobs} beside --dask {dask}", expected, "leave one of the two out")
+    return min(jobs or os.cpu_count() or 1, len(asked.studies))
 
 
 def _title(asked: Fleet) -> str:

@@ -8,15 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from selector.errors import StudyError
-from selector.fleet.places import (
-    found_by,
-    is_pattern,
-    is_url,
-    last_part,
-    may_hold_recordings,
-    results_at,
-    without_password,
-)
+from selector.fleet import places
 from selector.study.asked import options_of
 from selector.study.inputs import path_at
 from selector.study.study_file import (
@@ -101,21 +93,25 @@ def read_fleet(path: str | Path) -> Fleet:
         studies[name] = _study(said, section, place, f"{where}, machine {name}")
     if not studies:
         raise _unusable("no machine", where, 'add folders = ["plant/*"], or a table [machines] with name = "folder"')
-    return Fleet(place, results_at(said.results, place.parent), said.time_limit_s, said.memory_limit_gb, studies)
+    return Fleet(place, places.results_at(said.results, place.parent), said.time_limit_s, said.memory_limit_gb, studies)
 
 
 def _machines(said: FleetFile, place: Path) -> Iterator[tuple[str, MachineSection]]:
     for pattern in said.folders:
         found = [_at(pattern, place)]
-        if is_pattern(found[0]):
+        if places.is_pattern(found[0]):
             own = _at(said.results, place).rstrip("/")
-            found = [one for one in found_by(found[0]) if may_hold_recordings(one) and one.rstrip("/") != own]
+            found = [
+                one for one in places.found_by(found[0]) if places.may_hold_recordings(one) and one.rstrip("/") != own
+            ]
         if not found:
             raise _unusable(
-                f"nothing that {without_password(pattern)!r} fits", f"{place}, key folders", "correct the pattern"
+                f"nothing that {places.without_password(pattern)!r} fits",
+                f"{place}, key folders",
+                "correct the pattern",
             )
         for one in found:  # may be called anything
-            name = last_part(one)
+            name = places.last_part(one)
             yield name, checked(MachineSection, {"runs": (one,)}, f"{place}, key folders, found {name!r}", _PAGE)
     yield from said.machines.items()
 
@@ -137,7 +133,7 @@ def _said(section: Table) -> dict[str, Any]:
 
 
 def _at(reference: str, place: Path) -> str:
-    return reference if is_url(reference) else str(path_at(reference, place.parent))
+    return reference if places.is_url(reference) else str(path_at(reference, place.parent))
 
 
 def _unusable(found: str, where: str, advice: str) -> StudyError:

@@ -23,17 +23,17 @@ def by_age(reading: Reading, seen: Collection[str]) -> tuple[dict[str, Path], di
     return dict(pairs[:first]), dict(pairs[first:])
 
 
-def older_unseen(earlier: Mapping[str, Path], seen: Collection[str], *, compared: bool) -> str:
+def older_unseen(earlier: Mapping[str, Path], known: Collection[str]) -> str:
     """What is told of recordings that are not new because one that was seen is newer, as by a clock in the future.
 
-    Once models were `compared`, some are left over: only those between the two newest that were seen are told of then.
+    `known` (SHA-256) are those that a model learnt from, and all that were there when it was compared with another.
     """
-    paths, used = list(earlier.values()), [k for k, sha256 in enumerate(earlier) if sha256 in seen]
-    first = [-1, -1, *used][-2] + 1 if compared else 0
-    older = [path.name for k, path in enumerate(paths) if k >= first and k not in used]
+    older = [path.name for sha256, path in earlier.items() if sha256 not in known]
     if not older:
         return ""
-    told = f"{len(older)} that were never used are older than {paths[-1].name}, by clock or else by name"
+    told = (
+        f"{len(older)} that were never used are older than {list(earlier.values())[-1].name}, by clock or else by name"
+    )
     return f"{told}, such as {older[-1]}: is one of them wrong?"
 
 

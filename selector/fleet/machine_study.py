@@ -65,7 +65,8 @@ class Answer(Document):
     seconds: float = 0.0  #: That the study took, also when its answer is used again
     #: None, and not in the document: no new model was tried
     refit: Refit | None = Field(default=None, exclude_if=not_)
-    #: SHA-256 of a recording on which the model in use was compared → key of the other model, or its own where it won
+    #: SHA-256 of a recording on which the model in use was compared → key of the other model, or its own where it won;
+    #: of one that was there, and left over → nothing
     judged: dict[str, str] = Field(default_factory=dict, exclude_if=not_)
     is_unkept: bool = Field(default=False, exclude=True)  #: Nothing can be kept: that is no fault of the machine
 

@@ -32,9 +32,9 @@ def is_pattern(reference: str) -> bool:
 
 
 def last_part(reference: str) -> str:
-    """Name of a folder or file, as a machine is called by it: without the ending of a recording."""
+    """Name of a folder or file, as a machine is called by it: without the ending of a recording; of a lake, its own."""
     path = Path(reference.rstrip("/").rpartition("://")[2])
-    return (path.stem if has_name_of_recording(path) else path.name) or reference
+    return (path.stem if has_name_of_recording(path) else path.name).removeprefix("machine=") or reference
 
 
 def may_hold_recordings(reference: str) -> bool:

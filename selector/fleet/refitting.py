@@ -38,6 +38,7 @@ class Challenge:
     recordings: Recordings  #: All of them
     judged: frozenset[str]  #: SHA-256 of the newest, which neither model has seen
     known: frozenset[str]  #: Of those of which the model in use was made
+    left_over: frozenset[str]  #: Of those that came after it, and are not for the comparison
 
 
 def challenge_of(study: Study, champion: Answer, results: Path) -> Challenge | Answer | str:
@@ -79,7 +80,7 @@ def _challenge(study: Study, champion: Answer, learnt: Set[str]) -> Challenge | 
     if len(later) <= FEWEST_JUDGED:
         came = f"{len(later)} recording{'s' * (len(later) != 1)} came after it"
         last = " was last compared" if champion.judged else ""
-        older = older_unseen(earlier, seen, compared=bool(champion.judged))
+        older = older_unseen(earlier, seen)
         return kept(champion, f"{came}{last}, and {FEWEST_JUDGED + 1} are needed{'; ' * bool(older)}{older}")
     hashes = list(later)[-max(FEWEST_JUDGED, math.ceil(len(later) / 2)) :]
     before = [sha256 for sha256 in earlier | later if sha256 not in hashes][-len(learnt) :]
@@ -91,7 +92,8 @@ def _challenge(study: Study, champion: Answer, learnt: Set[str]) -> Challenge | 
     )
     some = tuple(reference_of(Path(file), named) for sha256 in before for file in files_of[sha256])
     asked = study.model_copy(update={"recordings": everything.model_copy(update={"runs": some})})
-    return Challenge(champion, asked, everything, frozenset(hashes), frozenset(learnt & earlier.keys()))
+    judged, known = frozenset(hashes), frozenset(learnt & earlier.keys())
+    return Challenge(champion, asked, everything, judged, known, frozenset(later) - judged)
 
 
 def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
@@ -129,16 +131,15 @@ def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
     if faults or wrong:
         what = "the displacement" if faults else "the new model"
         return kept(champion, f"in the newest recordings {what} has an error: {[*faults, *wrong][0]}", challenger.key)
-    return _compared(champion, challenger, before, after, dict.fromkeys(challenge.judged, str(challenger.key)))
+    return _compared(challenge, challenger, before, after)
 
 
 #: Response → run → mean square error [µm²].
 _Squares = Mapping[str, Mapping[str, float]]
 
 
-def _compared(
-    champion: Answer, challenger: Answer, before: _Squares, after: _Squares, judged: Mapping[str, str]
-) -> Answer:
+def _compared(challenge: Challenge, challenger: Answer, before: _Squares, after: _Squares) -> Answer:
+    champion = challenge.champion
     lacking = [name for name in before if name not in after]
     if lacking:
         return kept(champion, f"the new model does not predict {', '.join(lacking)}", challenger.key)
@@ -161,10 +162,11 @@ def _compared(
         challenger_rmse_um=dict(zip(before, np.sqrt(new.mean(axis=1)).tolist(), strict=True)),
         least_fall=least,
     )
-    # of a model that was replaced nothing need be remembered: what comes after the new one came after the old one, too
-    earlier = {} if promoted else champion.judged
+    # of a model that was replaced it need only be known that they were there
+    earlier = dict.fromkeys((*challenge.known, *champion.judged), "") if promoted else champion.judged
+    judged = dict.fromkeys(challenge.left_over, "") | earlier | dict.fromkeys(challenge.judged, str(challenger.key))
     in_use = challenger if promoted else kept(champion, "")
-    return in_use.model_copy(update={"refit": refit, "judged": {**earlier, **judged}})
+    return in_use.model_copy(update={"refit": refit, "judged": judged})
 
 
 def least_fall(old: Vector, new: Vector) -> float:

@@ -26,7 +26,7 @@ GRACE_S = 10.0  #: A study gives itself up at its limit, between two steps; so m
 _LOOK_S = 0.25
 _WRITE_S = 5.0
 _LESS = "raise it, offer fewer sensors and terms, or store the recordings as Parquet"
-_MISSING = "nothing that the fleet file names is this machine any more: look for its folder; its model stays in use"
+MISSING = "nothing that the fleet file names is this machine any more: look for its folder; its model stays in use"
 Kind = TypeVar("Kind")
 
 #: Called after every study: machine, answer, studies that have ended, all studies.
@@ -83,7 +83,7 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
             advice="raise it, or leave the key out",
         )
     earlier = in_use.items() if refit else ()
-    found = {name: one if name in fleet.studies else without_use(one, _MISSING, "missing") for name, one in earlier}
+    found = {name: one if name in fleet.studies else without_use(one, MISSING, "missing") for name, one in earlier}
     written = time.monotonic()
     try:
         for done, (name, answer) in enumerate(_answers(fleet, workers, in_use, refit=refit), start=1):

@@ -16,18 +16,10 @@ from selector.fleet.later_runs import runs_by_age
 from selector.fleet.machine_study import Document
 from selector.fleet.places import local_recordings
 from selector.fleet.refitting import least_fall
+from selector.models import moments as sums
 from selector.models.best_subsets.results import adjusted_r2
 from selector.models.design import Columns, Datum, Design, Rows, datum_of, rows_of
 from selector.models.least_squares import FittedModel, fit
-from selector.models.moments import (
-    LeaveOneOut,
-    centred,
-    coefficients,
-    moments,
-    response_power,
-    scaling_of,
-    within_one_standard_error,
-)
 from selector.models.population import FEWEST, Evidence, Population, parted
 from selector.models.run_before import begun, runs_before
 from selector.recording import Recording, RunSource, thinned
@@ -60,21 +52,22 @@ class Pool:
     question: Question
     datum: Datum
     runs: Mapping[str, tuple[str, ...]]  #: Machine → its runs with all sensors and displacements, oldest first
+    left_out: Mapping[str, str]  #: Machine → what it lacks of the new one
     #: Median sampling period and longest run [s]
     period_s: float
     duration_s: float
 
     @classmethod
     def of(cls, machines: Mapping[str, Recording], new: str, options: Options) -> "Pool":
-        """The machines on the sensors of the new one; what another does not have is missing in its runs.
+        """The machines that have the sensors of the new one; where another has them in part, it is left out.
 
         Raises OptionError: the options do not fit the new machine, or nothing usable is left.
         """
         channels = machines[new].channels
-        tables, origins, runs = {}, {}, {}
+        tables, origins, runs, has = {}, {}, {}, {}
         for name, source in machines.items():
             roles = {one.name: one.role for one in source.channels}
-            same = [one.name for one in channels if roles.get(one.name) == one.role]
+            has[name] = same = [one.name for one in channels if roles.get(one.name) == one.role]
             runs[name] = runs_by_age(source)
             for run in runs[name]:
                 tables[f"{name}/{run}"] = pd.DataFrame(source.values(run, same), source.time_s(run), same)
@@ -86,14 +79,18 @@ class Pool:
         named = {name: [f"{name}/{run}" for run in of] for name, of in runs.items()}
         datum = datum_of(pooled, asked.sensors, asked.responses, options.reference)
         asked = survey(RunsOf(pooled, named[new]), asked, datum).question
-        found = survey(pooled, asked, datum)
+        needed = dict.fromkeys((*asked.sensors, *asked.speeds, *asked.responses))
+        lacks = {name: [one for one in needed if one not in of] for name, of in has.items()}
+        left_out = {name: f"without {', '.join(of)}, or with another role of it" for name, of in lacks.items() if of}
+        named = {name: of for name, of in named.items() if name not in left_out}
+        found = survey(RunsOf(pooled, [run for of in named.values() for run in of]), asked, datum)
         if options.memory:
             before = (runs_before(pooled, of) for of in named.values())
             datum = replace(datum, follows={run: one for of in before for run, one in of.items()})
         design = Design((*found.question.sensors, *found.question.speeds), found.question.responses, datum)
         whole = {run for run in pooled.runs if any(True for _ in design.pieces(pooled, run))}
         known = {name: tuple(run for run in of if run in whole) for name, of in named.items()}
-        return cls(pooled, found.question, datum, known, found.period_s, found.duration_s)
+        return cls(pooled, found.question, datum, known, left_out, found.period_s, found.duration_s)
 
     def library(self, requests: Iterable[tuple[tuple[str, ...], Shape]]) -> Library:
         """Cross-products of all that these sets and shapes need."""
@@ -133,7 +130,7 @@ class Choices:
     def recipe(self, machines: Sequence[str]) -> Recipe:
         """The cheapest of those that are as good as the best on these machines, as far as so many machines tell."""
         errors = self.errors[:, [self.machines.index(name) for name in machines]]
-        good = np.flatnonzero(within_one_standard_error(errors, np.ones(len(machines)))).tolist()
+        good = np.flatnonzero(sums.within_one_standard_error(errors, np.ones(len(machines)))).tolist()
         cost = self.pool.question.options.total_cost
 
         def rank(i: int) -> tuple[float, int, float]:
@@ -152,14 +149,14 @@ def _own_bench(pool: Pool, library: Library, machines: Sequence[str]) -> tuple[B
     total = np.zeros_like(found.whole)
     for name in machines:
         own = found.only(pool.folds(library, name))
-        unit = np.r_[np.ones(1 + found.n_columns), 1.0 / np.sqrt(response_power(own))]
+        unit = np.r_[np.ones(1 + found.n_columns), 1.0 / np.sqrt(sums.response_power(own))]
         parts.append(own.products * unit * unit[:, None])
-        cross, n_samples = centred(parts[-1].sum(axis=0))
+        cross, n_samples = sums.centred(parts[-1].sum(axis=0))
         total[1:, 1:] += cross
         total[0, 0] += n_samples
     totals = np.concatenate([np.broadcast_to(one.sum(axis=0), one.shape) for one in parts])
     products = np.concatenate(parts)
-    apart = LeaveOneOut(products, tuple((i,) for i in range(len(products))), totals, found.n_columns)
+    apart = sums.LeaveOneOut(products, tuple((i,) for i in range(len(products))), totals, found.n_columns)
     bench = Bench(library, total, apart, apart.left_out(0, 0), np.ones(len(library.responses)))
     return bench, np.repeat(np.arange(len(machines)), [len(one) for one in parts])
 
@@ -179,10 +176,10 @@ class Shared:
     @classmethod
     def of(cls, pool: Pool, recipe: Recipe, machines: Sequence[str]) -> "Shared":
         """What these machines share in the columns of a recipe."""
-        scaling = scaling_of(pool.source, recipe.design)
+        scaling = sums.scaling_of(pool.source, recipe.design)
         # where nothing has risen nothing has moved: about zero, the constant does not hang on the slopes
         columns = Columns(scaling.about_zero() if pool.datum.reference == "rise" else scaling, recipe.terms)
-        found = moments(pool.source, recipe.design, columns)
+        found = sums.moments(pool.source, recipe.design, columns)
         products = {fold.name: product for fold, product in zip(found.folds, found.products, strict=True)}
         shared = cls(pool, recipe, columns, products, tuple(machines), {})
         each = {name: [shared.evidence(pool.runs[one], name) for one in machines] for name in shared.names}
@@ -208,7 +205,7 @@ class Shared:
         columns = np.column_stack([np.ones(len(variables)), self.columns.matrix(variables)])
         everything = [*runs, *(run for name in self.machines for run in self.pool.runs[name])]
         total, n_columns = np.sum([self.products[run] for run in everything], axis=0), columns.shape[1]
-        pooled = coefficients(total, range(1, n_columns), range(n_columns, len(total)))
+        pooled = sums.coefficients(total, range(1, n_columns), range(n_columns, len(total)))
         shared = [of.posterior(self.evidence(runs, name))[0] for name, (of, _) in self.populations.items()]
         return {"pooled": columns @ pooled, "sisters": columns @ np.array(shared).T}
 
@@ -431,11 +428,6 @@ def sisters_in(
                 raise
             left_out[name] = str(error)
     pool = Pool.of(sources, machine, options_of(fleet.studies[machine], where=f"machine {machine}"))
-    roles = {one.name: one.role for one in pool.source.channels}
-    for name, source in sources.items():
-        known = {one.name for one in source.channels if roles.get(one.name) == one.role}
-        if lacking := {*pool.question.sensors, *pool.question.speeds, *pool.question.responses} - known:
-            left_out[name] = f"without {', '.join(sorted(lacking))}, or with another role of it"
     usable = len(pool.runs[machine])
     if not usable or (n_runs or 0) > usable:
         raise OptionError(
@@ -445,7 +437,7 @@ def sisters_in(
             advice="record more, or look with `selector describe` why a run cannot be used",
         )
     found = Sisters.of(pool, [machine], n_runs or usable, say)
-    answer = found.answer(machine, left_out)
+    answer = found.answer(machine, {**left_out, **pool.left_out})
     return answer, None if answer.verdict == "none" else found.model(answer)
 
 

@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -20,7 +21,7 @@ from selector.fleet.fleet_file import Fleet
 from selector.fleet.later_runs import by_age, faults_beside, older_unseen, part_of, runs_by_age
 from selector.fleet.machine_study import DONE_FILE, Answer, Document, error_text, known_answer
 from selector.fleet.places import local_recordings
-from selector.fleet.running import has_model, read_answer
+from selector.fleet.running import MISSING, has_model, read_answer
 from selector.json_text import json_text
 from selector.readers import read
 from selector.readers.files import recording_files
@@ -200,27 +201,50 @@ class FleetWatch(Document):
     machines: dict[str, WatchedMachine]
 
 
-def watch_fleet(fleet: Fleet, tell: Callable[[str, WatchedMachine, int, int], None] | None = None) -> FleetWatch:
+def watch_fleet(
+    fleet: Fleet, tell: Callable[[str, WatchedMachine, int, int], None] | None = None, pool: Executor | None = None
+) -> FleetWatch:
     """Every machine's model on the recordings that it was not made of; kept in the results folder.
 
     Raises ResultError: the fleet was never run.
     """
     answers = read_answer(fleet.results).machines
-    found: dict[str, WatchedMachine] = {}
-    for name, study in fleet.studies.items():
-        answer = answers.get(name)
-        if answer is None or not has_model(answer, fleet.results):
-            found[name] = WatchedMachine(status="no-model", error=None if answer is None else answer.error)
-        else:
-            try:
-                found[name] = _watched(study, answer, fleet.results / str(answer.key))
-            except Exception as error:
-                found[name] = WatchedMachine(status="failed", error=error_text(error), key=answer.key)
+    gone = {name: one for name, one in answers.items() if name not in fleet.studies}
+    found = {name: WatchedMachine(status="failed", error=MISSING, key=one.key) for name, one in gone.items()}
+    for done, (name, one) in enumerate(_each(fleet, answers, pool), start=1):
+        found[name] = one
         if tell is not None:
-            tell(name, found[name], len(found), len(fleet.studies))
-    watch = FleetWatch(alarms=sum(one.status == "alarm" for one in found.values()), machines=found)
+            tell(name, one, done, len(fleet.studies))
+    machines = {name: found[name] for name in (*gone, *fleet.studies)}
+    watch = FleetWatch(alarms=sum(one.status == "alarm" for one in machines.values()), machines=machines)
     write_whole(fleet.results / WATCH_FILE, (json_text(watch.model_dump(by_alias=True)) + "\n").encode("utf-8"))
     return watch
+
+
+def _each(fleet: Fleet, answers: Mapping[str, Answer], pool: Executor | None) -> Iterator[tuple[str, WatchedMachine]]:
+    """Every machine of the fleet, in the order in which they are done."""
+    asked = {name: (study, answers.get(name), fleet.results) for name, study in fleet.studies.items()}
+    if pool is None:
+        yield from ((name, _judged(*of)) for name, of in asked.items())
+        return
+    begun = {pool.submit(_judged, *of): name for name, of in asked.items()}
+    for future in as_completed(begun):
+        try:
+            one = future.result()
+        except Exception as error:  # each kind of pool has errors of its own
+            ended = f"its process was ended from outside, most often because memory ran out ({error})"
+            one = WatchedMachine(status="failed", error=ended)
+        yield begun[future], one
+
+
+def _judged(study: Study, answer: Answer | None, results: Path) -> WatchedMachine:
+    """One machine; what is wrong with it must not stop the others."""
+    if answer is None or not has_model(answer, results):
+        return WatchedMachine(status="no-model", error=None if answer is None else answer.error)
+    try:
+        return _watched(study, answer, results / str(answer.key))
+    except Exception as error:
+        return WatchedMachine(status="failed", error=error_text(error), key=answer.key)
 
 
 def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
@@ -240,9 +264,9 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
             return WatchedMachine(status="nothing-new", key=answer.key)
         whole = read(files.files, machine=machine or files.machine, overrides=overrides_of(study))
         earlier, later = by_age(whole, seen)
-        error = older_unseen(earlier, seen, compared=bool(answer.judged)) or None
+        error = older_unseen(earlier, seen | answer.judged.keys()) or None
         if not later:
-            return WatchedMachine(status="nothing-new", error=error, key=answer.key)
+            return WatchedMachine(status="suspect" if error else "nothing-new", error=error, key=answer.key)
         application, compared = applied(model, part_of(whole, later.values()))
         few = list(later.values())[-max(1, len(earlier) // 2) :]
         channels = [one.name for one in model.inputs] + [one.name for one in model.outputs]

@@ -10,6 +10,8 @@ import sys
 import tempfile
 import time
 import warnings
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -30,11 +32,7 @@ class Processes:
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
-        # a server with all modules and one thread, from which workers are forked at once; Windows has none
-        method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-        self._context: Any = multiprocessing.get_context(method)
-        if method == "forkserver":
-            self._context.set_forkserver_preload([__name__])
+        self._context = _context()
         self._idle: list[tuple[BaseProcess, Connection]] = []
         self._busy: dict[str, tuple[BaseProcess, Connection]] = {}
         self._unborn: list[str] = []
@@ -131,15 +129,29 @@ class Processes:
         return process, ours
 
 
+def _context() -> Any:
+    """A server with all modules and one thread, from which workers are forked at once; Windows has none."""
+    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+    context: Any = multiprocessing.get_context(method)
+    if method == "forkserver":
+        context.set_forkserver_preload([__name__])
+    return context
+
+
 def _serve(connection: Connection) -> None:
     """Studies until nobody asks any more: a worker whose fleet was killed ends after the study that it is at."""
+    _keep_quiet()
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            connection.send(answered(connection.recv()))
+
+
+def _keep_quiet() -> None:
+    """What is told of a fleet is told by the process that began it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter("ignore")
     # stdout belongs to the JSON of the fleet
     sys.stdout = sys.stderr
-    with contextlib.suppress(EOFError, OSError):
-        while True:
-            connection.send(answered(connection.recv()))
 
 
 def _end(process: BaseProcess, connection: Connection) -> None:
@@ -224,6 +236,11 @@ class Cluster:
         with contextlib.suppress(Exception):
             self._client.restart_workers(busy, timeout=20)
 
+    def executor(self) -> Executor:
+        """The cluster as a pool of the standard library."""
+        pool: Executor = self._client.get_executor(pure=False)
+        return pool
+
     def close(self) -> None:
         """End all that is at work."""
         with contextlib.suppress(Exception):
@@ -237,6 +254,25 @@ class Cluster:
 
 
 Workers = Processes | Cluster  #: Who does studies, a few at a time.
+
+
+@contextlib.contextmanager
+def pool_of(jobs: int, dask: str | None = None) -> Iterator[Executor | None]:
+    """Who does small work that needs no limits: a scheduler of Dask, some processes, or nobody else."""
+    if dask is not None:
+        cluster = Cluster(dask)
+        try:
+            yield cluster.executor()
+        finally:
+            cluster.close()
+    elif jobs > 1:
+        pool = ProcessPoolExecutor(jobs, mp_context=_context(), initializer=_keep_quiet)
+        try:
+            yield pool
+        finally:
+            pool.shutdown(cancel_futures=True)
+    else:
+        yield None
 
 
 def _came_of(future: Any) -> Answer | None:

@@ -14,21 +14,11 @@ from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, more_than_its_er
 from selector.models.run_before import begun, in_parts, runs_before
 from selector.quality.finding_table import CONSTANT_CHANNEL, DUPLICATE_CHANNEL
 from selector.recording import RunSource, thinned
-from selector.selection import proving
+from selector.selection import fitting, proving
 from selector.selection.candidates import Grouping, candidates
 from selector.selection.choice import Choice, Offer, Plan, Tested, plans, shapes_on_offer, tested, unit_um
 from selector.selection.doubts import LONGEST_PAUSE, doubts, known
 from selector.selection.equal_sets import equal_sets
-from selector.selection.fitting import (
-    MAX_ROWS,
-    Fallback,
-    Part,
-    Recipe,
-    fallbacks_of,
-    final_models,
-    refined,
-    ridge_penalty,
-)
 from selector.selection.library import Bench, Library
 from selector.selection.options import Options, Progress, Question, question_of
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
@@ -151,25 +141,25 @@ class _Fitted:
     runs: RunSource
     rows: Rows
     stride: int  #: Every so many samples are fitted
-    recipe: Recipe
+    recipe: fitting.Recipe
     ridge: tuple[float, float, float]
     models: dict[str, FittedModel]
-    fallbacks: tuple[Fallback, ...]
-    parts: Sequence[Part]
-    beside: Sequence[Part]  #: Further ones, which the choice never saw
+    fallbacks: tuple[fitting.Fallback, ...]
+    parts: Sequence[fitting.Part]
+    beside: Sequence[fitting.Part]  #: Further ones, which the choice never saw
     lacking: Mapping[str, tuple[str, ...]]  #: Run that proves nothing → what it lacks
 
 
 def _fitted(folds: proving.Folds, source: RunSource, surveyed: Survey, chosen: _Chosen) -> _Fitted:
-    question, stride = folds.question, max(1, -(-surveyed.n_samples // MAX_ROWS))
+    question, stride = folds.question, max(1, -(-surveyed.n_samples // fitting.MAX_ROWS))
     runs = folds.runs if stride == 1 else RunsOf(thinned(source, stride), surveyed.runs)
-    recipe = refined(question, runs, folds.datum, chosen.choice.trial)
+    recipe = fitting.refined(question, runs, folds.datum, chosen.choice.trial)
     rows = rows_of(runs, recipe.design, surveyed.runs)
     beside, lacking = proving.beside_the_comparison(folds, surveyed.runs, recipe.design)
     parts = [*(folds.part(group) for group in folds.outer), *beside]
-    ridge = ridge_penalty(recipe, rows, parts) if question.options.ridge else NO_RIDGE
-    models = final_models(recipe, rows, ridge=ridge[0])
-    fallbacks = tuple(fallbacks_of(question, recipe, runs, surveyed.runs, parts, ridge[0]))
+    ridge = fitting.ridge_penalty(recipe, rows, parts) if question.options.ridge else NO_RIDGE
+    models = fitting.final_models(recipe, rows, ridge=ridge[0])
+    fallbacks = tuple(fitting.fallbacks_of(question, recipe, runs, surveyed.runs, parts, ridge[0]))
     return _Fitted(runs, rows, stride, recipe, ridge, models, fallbacks, parts, beside, lacking)
 
 

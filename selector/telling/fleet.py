@@ -117,8 +117,9 @@ _CHANGED = {"mean": "the error has shifted", "spread": "the errors have grown"}
 
 
 def _suspicion(one: WatchedMachine) -> str:
-    """Why a machine is to be looked at."""
-    return one.error or _gravest(one.findings)["statement"]
+    """Why a machine is to be looked at: an error of a clock, or that of its readings."""
+    errors = (finding["statement"] for finding in one.findings if finding["level"] == "error")
+    return one.error or next(errors, "")
 
 
 def _watched(watch: FleetWatch) -> Table:
@@ -171,15 +172,16 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
     for name, one in watched.items():
         for response, of in one.responses.items():
             if of.alarm is not None:
-                yield f"{name}: {_CHANGED[of.alarm]} in {response} since {of.since}. Look at gauge, sensors and setup."
+                look = _suspicion(one) or "Look at gauge, sensors and setup."
+                yield f"{name}: {_CHANGED[of.alarm]} in {response} since {of.since}. {look}"
     suspect = {name: _suspicion(one) for name, one in watched.items() if one.status == "suspect"}
-    other = {name: one.error for name, one in watched.items() if one.status in ("alarm", "nothing-new")}
-    yield from (f"{name}: {what}" for name, what in (suspect | other).items() if what)
-    unwell = [(name, one.error) for name, one in answer.machines.items() if one.status in _UNWELL]
-    unwell += [(name, f"not watched: {one.error}") for name, one in watched.items() if one.status == "failed"]
-    yield from (f"{name}: {error}" for name, error in unwell[:_MOST_LOOKED_AT])
-    if len(unwell) > _MOST_LOOKED_AT:
-        yield f"{len(unwell) - _MOST_LOOKED_AT} more machines without an answer stand in the table."
+    yield from (f"{name}: {what}" for name, what in suspect.items())
+    unwell = {name: told for name in watched if (told := _not_watched(watched, name))}
+    unwell |= {name: str(one.error) for name, one in answer.machines.items() if one.status in _UNWELL}
+    most = len(unwell) if len(unwell) <= 2 * _MOST_LOOKED_AT else _MOST_LOOKED_AT
+    yield from (f"{name}: {error}" for name, error in list(unwell.items())[:most])
+    if len(unwell) > most:
+        yield f"{len(unwell) - most} more machines without an answer, or not watched, stand in the table."
     yield from (f"{name}, when its model was made: {statement}" for name, statement in beside.found.items())
     if missing:
         yield f"Go on with `selector fleet run`: {_machines(len(missing))} had no turn yet."
@@ -191,7 +193,7 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
     if beside.single:
         told = f"{', '.join(beside.single[:_MOST_LOOKED_AT])}{' …' * (len(beside.single) > _MOST_LOOKED_AT)}"
         yield f"Record a second and a third run on {told}: there is one, which says nothing of another day."
-    if quiet := [name for name, one in watched.items() if one.status == "nothing-new" and not one.error]:
+    if quiet := [name for name, one in watched.items() if one.status == "nothing-new"]:
         told = f"{', '.join(quiet[:_MOST_LOOKED_AT])}{' …' * (len(quiet) > _MOST_LOOKED_AT)}"
         yield f"Record the displacement now and then: nothing new of {told} since the model was made."
     if beside.watch is None:
@@ -226,7 +228,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
             *(f"{number_text(one.heldout_rmse_um.get(of))} {_bars(beside, name, of)}" for of in responses),
             ", ".join(one.sensors) or NONE,
             _STATES[watched[name].status] if name in watched else NONE,
-            one.error or ("" if one.refit is None else f"{one.outcome}: {one.refit.because}"),
+            one.error or _not_watched(watched, name) or (f"{one.outcome}: {one.refit.because}" if one.refit else ""),
         )
         for name, one in ((name, answer.machines[name]) for name in _by_error(answer))
     ]
@@ -234,6 +236,10 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
     head = ("machine", "status", *(f"{name}, unseen [µm]" for name in responses), "sensors", "last watch", "reason")
     order = "Failed ones first, then by the largest root mean square error on unseen runs."
     return table(head, rows, f"{order} {bars}An answer lies in the folder that is called by its key.")
+
+
+def _not_watched(watched: Mapping[str, WatchedMachine], name: str) -> str:
+    return f"not watched: {watched[name].error}" if name in watched and watched[name].status == "failed" else ""
 
 
 def _bars(beside: Overview, machine: str, response: str) -> str:

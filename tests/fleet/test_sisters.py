@@ -100,6 +100,18 @@ def test_machines_that_share_nothing_are_no_sisters(tmp_path, capsys):
     assert "model.json.old" in said
 
 
+def test_a_machine_with_other_thermometers_has_no_sisters(plant, tmp_path):
+    """What they have in common, the air of the hall, is no model of it."""
+    folder = sister(tmp_path / "other", 51, n_runs=2)
+    for path in folder.glob("*.csv"):
+        path.write_text(re.sub(r"\bT([123])", r"K\1", path.read_text(encoding="utf-8")), encoding="utf-8")
+    path = fleet_of(plant, [f"s{number}" for number in range(SISTERS)], tmp_path)
+    path.write_text(path.read_text() + f'other = "{folder}"\n')
+    answer, model = sisters_in(read_fleet(path), "other", 1)
+    assert (answer.verdict, model) == ("none", None)
+    assert all("K1, K2, K3" in answer.left_out[f"s{number}"] for number in range(SISTERS))
+
+
 def test_a_machine_that_is_nothing_like_the_others_gets_no_model(plant, tmp_path):
     sister(tmp_path / "mirrored", 50, n_runs=2, gain=(-30.0, 20.0))
     path = fleet_of(plant, [f"s{number}" for number in range(SISTERS)], tmp_path)

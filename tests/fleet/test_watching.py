@@ -1,6 +1,7 @@
 """Are the models of a fleet still true: quiet while nothing changes, and told where, since when and by how much."""
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from selector.cli import exit_status
 from selector.errors import ResultError
 from selector.fleet import Processes, overview, read_answer, read_fleet, run_fleet, watch_fleet
 from selector.fleet.later_runs import older_unseen
+from selector.fleet.workers import pool_of
 from selector.telling.fleet import fleet_account, watch_account
 from tests.fleet.machines import Here, changed, fleet_file, machine
 
@@ -169,7 +171,7 @@ def test_runs_that_are_not_used_or_older_are_not_new(watched):
     for number in range(PROVED + 1, ALL + 1):
         (folder / f"r{number}.csv").rename(folder / f"a{number}.csv")
     one = watch_fleet(watched).machines["m"]
-    assert one.status == "nothing-new"
+    assert (one.status, one.runs) == ("suspect", ())
     assert all(word in one.error for word in (str(ALL - PROVED), f"r{PROVED}.csv", f"a{ALL}.csv"))
     page = fleet_account(read_answer(watched.results), beside=overview(watched.results, read_answer(watched.results)))
     assert any(one.error in told for told in page.sections[0].blocks[0].items)
@@ -254,19 +256,45 @@ def test_what_keeps_the_watch_from_looking_is_to_be_done_this_week(watched):
     assert any("m: not watched: s1.csv: an empty file" in told for told in page.sections[0].blocks[0].items)
 
 
-@pytest.mark.parametrize(
-    ("seen", "compared", "told"),
-    [
-        ("ad", False, "2 "),
-        ("ad", True, "2 "),
-        ("acd", True, ""),
-        ("abd", True, "1 "),
-        ("d", True, "3 "),
-        ("", True, ""),
-    ],
-)
-def test_runs_that_a_comparison_left_over_are_no_wrong_clock(seen, compared, told):
-    earlier = {name: Path(f"{name}.csv") for name in "abcd"} if seen else {}
-    said = older_unseen(earlier, seen, compared=compared)
+@pytest.mark.parametrize(("known", "told"), [("ad", "2 "), ("abcd", ""), ("abd", "1 "), ("d", "3 "), ("", "4 ")])
+def test_runs_that_were_there_at_a_comparison_are_no_wrong_clock(known, told):
+    said = older_unseen({name: Path(f"{name}.csv") for name in "abcd"}, known)
     assert said.startswith(told)
     assert bool(said) == bool(told)
+
+
+@pytest.mark.parametrize("gain", [1.0, 1.4])
+def test_a_comparison_leaves_runs_over_and_does_not_silence_a_wrong_clock(watched, gain):
+    """Whether the new model wins (the displacement has become larger) or not."""
+    folder = watched.place.parent / "m"
+    changed(folder, range(PROVED + 1, ALL + 1), lambda table: table.update(table["Z [um]"] * gain))
+    for number in (PROVED + 1, PROVED + 2):
+        (folder / f"r{number}.csv").rename(folder / f"a{number}.csv")
+    before = watch_fleet(watched).machines["m"].error
+    assert all(word in before for word in ("2 that", f"a{PROVED + 2}.csv"))
+    answer = run_fleet(watched, Here(), refit=True).machines["m"]
+    assert (answer.outcome, answer.refit.challenger is not None) == ("promoted" if gain > 1.0 else "kept", True)
+    one = watch_fleet(watched).machines["m"]
+    assert (one.status, one.error.partition(" are older")[0]) == ("suspect", "2 that were never used")
+    assert before.partition("2 that")[2].partition(" are older")[0] == " were never used"
+    again = run_fleet(watched, Here(), refit=True).machines["m"].refit.because
+    assert "2 that were never used" in again
+    for number in (PROVED + 1, PROVED + 2):
+        (folder / f"a{number}.csv").unlink()
+    assert watch_fleet(watched).machines["m"].error is None
+
+
+def test_many_processes_say_what_one_says_and_one_that_dies_is_told(watched):
+    alone = watch_fleet(watched)
+    with pool_of(2) as pool:
+        assert watch_fleet(watched, pool=pool) == alone
+        pool.submit(os._exit, 9)
+        found = watch_fleet(watched, pool=pool).machines["m"]
+    assert (found.status, "ended from outside" in found.error) == ("failed", True)
+
+
+def test_a_machine_whose_folder_is_gone_is_told(watched):
+    (watched.place.parent / "FLEET.toml").write_text('[machines]\nnone = "nowhere"\n', encoding="utf-8")
+    found = watch_fleet(read_fleet(watched.place))
+    assert (found.machines["m"].status, found.machines["none"].status) == ("failed", "no-model")
+    assert "look for its folder" in found.machines["m"].error

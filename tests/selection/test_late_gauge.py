@@ -149,7 +149,7 @@ def forgetful(rows: int) -> tuple[Recording, Recording]:
 
 @pytest.mark.parametrize("most_rows", [10**6, 500], ids=["all", "thinned"])
 def test_memory_knows_what_the_machine_did_before_its_gauge_began(monkeypatch, most_rows):
-    monkeypatch.setattr("selector.selection.workflow.MAX_ROWS", most_rows)
+    monkeypatch.setattr("selector.selection.fitting.MAX_ROWS", most_rows)
     source, cut = forgetful(200)
     options = Options(max_sensors=2, memory=True)
     known, forgotten = select(source, options), select(cut, options)

@@ -40,7 +40,7 @@ class TestInStatsmodels:
         assert "hac-panel" in results.summary().as_text().lower()
 
     def test_a_model_with_memory_on_thinned_samples(self, monkeypatch):
-        monkeypatch.setattr("selector.selection.workflow.MAX_ROWS", 500)
+        monkeypatch.setattr("selector.selection.fitting.MAX_ROWS", 500)
         source = machine(n_runs=4)
         found = selected(source, memory=True)
         assert found.models["Z"].n_samples <= 500

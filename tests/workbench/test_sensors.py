@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from selector.errors import OptionError
-from selector.figures import style
+from selector.figures import proof, style
 from selector.readers import machine as machine_file
 from selector.recording import Channel
 from selector.selection import Exploration, Options
@@ -201,7 +201,7 @@ def test_long_names_have_room_beside_the_pictures(bench):
 def test_titles_are_text_and_long_names_of_runs_have_room(bench, monkeypatch):
     view = bench.live.view(ready(bench))
     monkeypatch.setattr(pictures, "_runs", lambda _: [HeldOutPart("Warmlauf auf 3 Wechsel", 10, 0.5, 1.0)])
-    monkeypatch.setattr(pictures, "run_errors_title", lambda *_: style.label("Run </script>"))
+    monkeypatch.setattr(proof, "run_errors_title", lambda *_: style.label("Run </script>"))
     assert pictures.titles(view)["runs"].startswith("Run </script>")
     assert pictures.frames(view, machine.pins(bench), {})["runs"].layout.margin.l > 140
 

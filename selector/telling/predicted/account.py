@@ -8,13 +8,7 @@ from typing import Any
 import numpy as np
 
 from selector.number_text import listed, number_text, span_text
-from selector.physics.thermal.prediction.correction_program import (
-    BestOrder,
-    BestWarmUp,
-    CorrectionProgram,
-    Operation,
-    program_blocks,
-)
+from selector.physics.thermal.prediction import correction_program
 from selector.physics.thermal.prediction.observer import Observed
 from selector.physics.thermal.prediction.prediction import Prediction
 from selector.telling import origin
@@ -120,7 +114,7 @@ def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]
     return "good", (first, _trust(prediction), legend("predicted.sign"))
 
 
-def warm_up_sentence(found: BestWarmUp) -> str:
+def warm_up_sentence(found: correction_program.BestWarmUp) -> str:
     """Whether a warm-up leaves fewer corrections."""
     if found.corrections == found.without:
         return f"No warm-up of {found.tried} that were tried saves a correction."
@@ -128,7 +122,7 @@ def warm_up_sentence(found: BestWarmUp) -> str:
     return f"After {found.minutes:g} min at {found.speed_rpm:g} r/min {would} left of {found.without}."
 
 
-def order_sentence(found: BestOrder) -> str:
+def order_sentence(found: correction_program.BestOrder) -> str:
     """Whether another order of the operations needs fewer corrections."""
     tried = f"of {'all ' if found.is_exact else ''}{found.tried} orders that were tried"
     if found.corrections == found.as_given:
@@ -204,14 +198,14 @@ def _instruction(prediction: Prediction, name: str) -> str:
     return f"correct {name} {listed(parts)}"
 
 
-def _beginning(program: CorrectionProgram) -> str:
+def _beginning(program: correction_program.CorrectionProgram) -> str:
     number, operation = next((k, one) for k, one in enumerate(program.operations, start=1) if len(one.times_s) > 1)
     after_s = float(operation.times_s[1]) - operation.start_s
     where = f" of operation {number}" if len(program.operations) > 1 else ""
     return f"first by {number_text(float(operation.corrections_um[1]))} µm after {_down(after_s):g} min{where}"
 
 
-def _amounts(operation: Operation) -> str:
+def _amounts(operation: correction_program.Operation) -> str:
     """By 10 µm after 18 and 45 min; amounts that are the same once."""
     steps = zip(
         operation.corrections_um[1:].tolist(), (operation.times_s[1:] - operation.start_s).tolist(), strict=True
@@ -307,7 +301,7 @@ def _down(time_s: float) -> float:
 
 def _blocks(prediction: Prediction) -> str:
     """Timed offset blocks, the first of very many, without the rules, which the page says itself."""
-    text = program_blocks(prediction.programs, prediction.doubtful)
+    text = correction_program.program_blocks(prediction.programs, prediction.doubtful)
     lines = [*dropwhile(lambda line: not line.startswith("["), text.splitlines())]
     more = [f"; {len(lines) - MOST_ROWS} more lines are in program.txt"] if len(lines) > MOST_ROWS else []
     return "\n".join([*lines[:MOST_ROWS], *more]).strip()
