@@ -109,14 +109,7 @@ class Processes:
         for tries_left in range(_BIRTHS - 1, -1, -1):
             process = self._context.Process(target=_serve, args=(theirs,), daemon=True)
             try:
-                if self._context.get_start_method() == "forkserver":
-                    # a Ctrl-C while it loads is no affair of its own: it would print where it was
-                    resource_tracker.ensure_running()  # unblocks it
-                    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-                    try:
-                        forkserver.ensure_running()
-                    finally:
-                        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+                _ensure_server(self._context)
                 process.start()
                 break
             except (EOFError, OSError):
@@ -136,6 +129,17 @@ def _context() -> Any:
     if method == "forkserver":
         context.set_forkserver_preload([__name__])
     return context
+
+
+def _ensure_server(context: Any) -> None:
+    """A Ctrl-C while the server loads is no affair of its own: it would print where it was."""
+    if context.get_start_method() == "forkserver":
+        resource_tracker.ensure_running()  # unblocks it
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            forkserver.ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def _serve(connection: Connection) -> None:
@@ -266,7 +270,8 @@ def pool_of(jobs: int, dask: str | None = None) -> Iterator[Executor | None]:
         finally:
             cluster.close()
     elif jobs > 1:
-        pool = ProcessPoolExecutor(jobs, mp_context=_context(), initializer=_keep_quiet)
+        _ensure_server(context := _context())
+        pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_keep_quiet)
         try:
             yield pool
         finally:
