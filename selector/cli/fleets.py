@@ -16,6 +16,7 @@ from selector.errors import CancelledError
 
 if TYPE_CHECKING:
     from selector.fleet import Fleet
+    from selector.fleet.workers import Workers
     from selector.telling.account import Account
 
 PAGE = "fleet.html"
@@ -36,13 +37,12 @@ def run(
     What was done before of the same recordings, options and version is not done again, so a run that was stopped or
     killed goes on where it was. A machine that fails is told with its reason, and the others go on.
     """
-    from selector.fleet import RESULT_FILE, Cluster, Processes, read_fleet, run_fleet
+    from selector.fleet import RESULT_FILE, read_fleet, run_fleet
     from selector.telling.fleet import fleet_account
 
     asked = read_fleet(fleet)
-    n_processes = _processes(jobs, dask, asked)
     require_writable_folder(asked.results, "results", (RESULT_FILE,))
-    workers = Cluster(dask) if dask is not None else Processes(n_processes)
+    workers = _workers(jobs, dask, asked)
     try:
         with fleet_progress() as tell:
             answer = run_fleet(asked, workers, tell, refit=refit)
@@ -66,15 +66,14 @@ def watch(
     """
     from selector.fleet import read_fleet, watch_fleet
     from selector.fleet.watching import WATCH_FILE
-    from selector.fleet.workers import pool_of
     from selector.telling.fleet import watch_account
 
     _require_page(out)
     asked = read_fleet(fleet)
-    n_processes = _processes(jobs, dask, asked)
     require_writable_folder(asked.results, "results", (WATCH_FILE,))
-    with pool_of(n_processes, dask) as pool, fleet_progress() as tell:
-        account = watch_account(watch_fleet(asked, tell, pool), title=_title(asked))
+    workers = _workers(jobs, dask, asked)
+    with fleet_progress() as tell:
+        account = watch_account(watch_fleet(asked, tell, workers), title=_title(asked))
     _show(account, "the page of --out", out, as_json=as_json)
 
 
@@ -94,7 +93,7 @@ def report(
 
     _require_page(out)
     asked = read_fleet(fleet)
-    _processes(jobs, dask, asked)
+    _require_one(jobs, dask)
     if out is None:
         require_writable_folder(asked.results, "results", (PAGE,))
     answer = read_answer(asked.results)
@@ -154,11 +153,17 @@ def _require_page(out: Path | None) -> None:
         require_writable_folder(out.parent, "--out", (out.name,))
 
 
-def _processes(jobs: int | None, dask: str | None, asked: Fleet) -> int:
+def _workers(jobs: int | None, dask: str | None, asked: Fleet) -> Workers:
+    from selector.fleet import Cluster, Processes
+
+    _require_one(jobs, dask)
+    return Processes(min(jobs or os.cpu_count() or 1, len(asked.studies))) if dask is None else Cluster(dask)
+
+
+def _require_one(jobs: int | None, dask: str | None) -> None:
     if jobs is not None and dask is not None:
         expected = "processes of this computer, or a cluster"
         raise unusable_option(f"--jobs {jobs} beside --dask {dask}", expected, "leave one of the two out")
-    return min(jobs or os.cpu_count() or 1, len(asked.studies))
 
 
 def _title(asked: Fleet) -> str:

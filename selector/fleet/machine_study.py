@@ -105,6 +105,10 @@ class Task:
     time_limit_s: float
     version: str = __version__
 
+    def answered(self) -> Answer:
+        """See `answered`."""
+        return answered(self)
+
 
 def answered(task: Task) -> Answer:
     """The answer to a task; an error is one, too. What was answered before, of the same bytes, is not done again.

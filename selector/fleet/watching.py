@@ -2,8 +2,8 @@
 
 import json
 import math
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -22,6 +22,7 @@ from selector.fleet.later_runs import by_age, faults_beside, older_unseen, part_
 from selector.fleet.machine_study import DONE_FILE, Answer, Document, error_text, known_answer
 from selector.fleet.places import local_recordings
 from selector.fleet.running import MISSING, has_model, read_answer
+from selector.fleet.workers import Workers
 from selector.json_text import json_text
 from selector.readers import read
 from selector.readers.files import recording_files
@@ -201,8 +202,27 @@ class FleetWatch(Document):
     machines: dict[str, WatchedMachine]
 
 
+@dataclass(frozen=True)
+class _Watching:
+    """What is asked of one machine."""
+
+    name: str
+    study: Study
+    answer: Answer | None
+    results: Path
+
+    def answered(self) -> WatchedMachine:
+        """What is wrong with one machine must not stop the others."""
+        if self.answer is None or not has_model(self.answer, self.results):
+            return WatchedMachine(status="no-model", error=None if self.answer is None else self.answer.error)
+        try:
+            return _watched(self.study, self.answer, self.results / str(self.answer.key))
+        except Exception as error:
+            return WatchedMachine(status="failed", error=error_text(error), key=self.answer.key)
+
+
 def watch_fleet(
-    fleet: Fleet, tell: Callable[[str, WatchedMachine, int, int], None] | None = None, pool: Executor | None = None
+    fleet: Fleet, tell: Callable[[str, WatchedMachine, int, int], None] | None = None, workers: Workers | None = None
 ) -> FleetWatch:
     """Every machine's model on the recordings that it was not made of; kept in the results folder.
 
@@ -211,7 +231,9 @@ def watch_fleet(
     answers = read_answer(fleet.results).machines
     gone = {name: one for name, one in answers.items() if name not in fleet.studies}
     found = {name: WatchedMachine(status="failed", error=MISSING, key=one.key) for name, one in gone.items()}
-    for done, (name, one) in enumerate(_each(fleet, answers, pool), start=1):
+    asked = [_Watching(name, study, answers.get(name), fleet.results) for name, study in fleet.studies.items()]
+    each = ((one.name, one.answered()) for one in asked) if workers is None else _by(workers, asked)
+    for done, (name, one) in enumerate(each, start=1):
         found[name] = one
         if tell is not None:
             tell(name, one, done, len(fleet.studies))
@@ -221,30 +243,20 @@ def watch_fleet(
     return watch
 
 
-def _each(fleet: Fleet, answers: Mapping[str, Answer], pool: Executor | None) -> Iterator[tuple[str, WatchedMachine]]:
-    """Every machine of the fleet, in the order in which they are done."""
-    asked = {name: (study, answers.get(name), fleet.results) for name, study in fleet.studies.items()}
-    if pool is None:
-        yield from ((name, _judged(*of)) for name, of in asked.items())
-        return
-    begun = {pool.submit(_judged, *of): name for name, of in asked.items()}
-    for future in as_completed(begun):
-        try:
-            one = future.result()
-        except Exception as error:  # each kind of pool has errors of its own
-            ended = f"its process was ended from outside, most often because memory ran out ({error})"
-            one = WatchedMachine(status="failed", error=ended)
-        yield begun[future], one
-
-
-def _judged(study: Study, answer: Answer | None, results: Path) -> WatchedMachine:
-    """One machine; what is wrong with it must not stop the others."""
-    if answer is None or not has_model(answer, results):
-        return WatchedMachine(status="no-model", error=None if answer is None else answer.error)
+def _by(workers: Workers, asked: Sequence[_Watching]) -> Iterator[tuple[str, WatchedMachine]]:
+    """All machines, in the order in which they are done."""
+    waiting, n_begun = deque(asked), 0
     try:
-        return _watched(study, answer, results / str(answer.key))
-    except Exception as error:
-        return WatchedMachine(status="failed", error=error_text(error), key=answer.key)
+        while waiting or n_begun:
+            while waiting and workers.free > 0:
+                workers.start(waiting.popleft())
+                n_begun += 1
+            for name, one in workers.finished(1.0):
+                n_begun -= 1
+                ended = one.error if isinstance(one, Answer) else "its process was ended from outside"
+                yield name, one if isinstance(one, WatchedMachine) else WatchedMachine(status="failed", error=ended)
+    finally:
+        workers.close()
 
 
 def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:

@@ -10,17 +10,27 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from selector.errors import OptionError
-from selector.fleet.machine_study import Answer, Task, answered
+from selector.fleet.machine_study import Answer, Task
 from selector.study.study_file import Recordings, SelectSection, Study
+
+
+class Work(Protocol):
+    """What is to be done for a machine; it goes to a process or to another computer."""
+
+    @property
+    def name(self) -> str:
+        """Of the machine."""
+
+    def answered(self) -> Any:
+        """The answer; an error is one, too."""
+
 
 _BIRTHS, _BIRTH_WAIT_S = 5, 0.2
 _SMALLEST = "t [s],T1 [degC],Z [um]\n" + "".join(f"{60 * i},{20 + i % 7},{i % 5}\n" for i in range(60))
@@ -32,7 +42,11 @@ class Processes:
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
-        self._context = _context()
+        # a server with all modules and one thread, from which workers are forked at once; Windows has none
+        method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+        self._context: Any = multiprocessing.get_context(method)
+        if method == "forkserver":
+            self._context.set_forkserver_preload([__name__])
         self._idle: list[tuple[BaseProcess, Connection]] = []
         self._busy: dict[str, tuple[BaseProcess, Connection]] = {}
         self._unborn: list[str] = []
@@ -42,7 +56,7 @@ class Processes:
         """How many more studies can be begun."""
         return self._jobs - len(self._busy) - len(self._unborn)
 
-    def start(self, task: Task) -> None:
+    def start(self, task: Work) -> None:
         """Begin a study."""
         try:
             process, connection = self._idle.pop() if self._idle else self._new()
@@ -54,9 +68,9 @@ class Processes:
         with contextlib.suppress(OSError):
             connection.send(task)
 
-    def finished(self, timeout_s: float) -> list[tuple[str, Answer | None]]:
-        """(machine, answer) of studies that have ended; None where the worker died before it answered."""
-        found: list[tuple[str, Answer | None]] = [(name, None) for name in self._unborn]
+    def finished(self, timeout_s: float) -> list[tuple[str, Any]]:
+        """(machine, answer) of work that has ended; None where the worker died before it answered."""
+        found: list[tuple[str, Any]] = [(name, None) for name in self._unborn]
         self._unborn = []
         ends = [end for process, connection in self._busy.values() for end in (connection, process.sentinel)]
         wait(ends, 0.0 if found else timeout_s)
@@ -109,7 +123,14 @@ class Processes:
         for tries_left in range(_BIRTHS - 1, -1, -1):
             process = self._context.Process(target=_serve, args=(theirs,), daemon=True)
             try:
-                _ensure_server(self._context)
+                if self._context.get_start_method() == "forkserver":
+                    # a Ctrl-C while it loads is no affair of its own: it would print where it was
+                    resource_tracker.ensure_running()  # unblocks it
+                    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+                    try:
+                        forkserver.ensure_running()
+                    finally:
+                        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
                 process.start()
                 break
             except (EOFError, OSError):
@@ -122,40 +143,19 @@ class Processes:
         return process, ours
 
 
-def _context() -> Any:
-    """A server with all modules and one thread, from which workers are forked at once; Windows has none."""
-    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-    context: Any = multiprocessing.get_context(method)
-    if method == "forkserver":
-        context.set_forkserver_preload([__name__])
-    return context
-
-
-def _ensure_server(context: Any) -> None:
-    """A Ctrl-C while the server loads is no affair of its own: it would print where it was."""
-    if context.get_start_method() == "forkserver":
-        resource_tracker.ensure_running()  # unblocks it
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            forkserver.ensure_running()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-
-
 def _serve(connection: Connection) -> None:
     """Studies until nobody asks any more: a worker whose fleet was killed ends after the study that it is at."""
-    _keep_quiet()
-    with contextlib.suppress(EOFError, OSError):
-        while True:
-            connection.send(answered(connection.recv()))
-
-
-def _keep_quiet() -> None:
-    """What is told of a fleet is told by the process that began it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter("ignore")
     # stdout belongs to the JSON of the fleet
     sys.stdout = sys.stderr
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            connection.send(_answered(connection.recv()))
+
+
+def _answered(task: Work) -> Any:
+    return task.answered()
 
 
 def _end(process: BaseProcess, connection: Connection) -> None:
@@ -198,16 +198,16 @@ class Cluster:
         """How many more studies can be begun."""
         return max(1, sum(self._threads().values())) - len(self._futures)
 
-    def start(self, task: Task) -> None:
+    def start(self, task: Work) -> None:
         """Begin a study."""
         # a key of its own: the answer to a study that failed may be another one the next time
-        future = self._client.submit(answered, task, key=f"{task.name}-{secrets.token_hex(8)}", pure=False)
+        future = self._client.submit(_answered, task, key=f"{task.name}-{secrets.token_hex(8)}", pure=False)
         self._futures[task.name] = future
         future.add_done_callback(lambda _, name=task.name: self._ended.put(name))
 
-    def finished(self, timeout_s: float) -> list[tuple[str, Answer | None]]:
-        """(machine, answer) of studies that have ended; None where the worker died before it answered."""
-        found: list[tuple[str, Answer | None]] = []
+    def finished(self, timeout_s: float) -> list[tuple[str, Any]]:
+        """(machine, answer) of work that has ended; None where the worker died before it answered."""
+        found: list[tuple[str, Any]] = []
         with contextlib.suppress(queue.Empty):
             name = self._ended.get(timeout=timeout_s)
             while True:
@@ -240,11 +240,6 @@ class Cluster:
         with contextlib.suppress(Exception):
             self._client.restart_workers(busy, timeout=20)
 
-    def executor(self) -> Executor:
-        """The cluster as a pool of the standard library."""
-        pool: Executor = self._client.get_executor(pure=False)
-        return pool
-
     def close(self) -> None:
         """End all that is at work."""
         with contextlib.suppress(Exception):
@@ -260,27 +255,7 @@ class Cluster:
 Workers = Processes | Cluster  #: Who does studies, a few at a time.
 
 
-@contextlib.contextmanager
-def pool_of(jobs: int, dask: str | None = None) -> Iterator[Executor | None]:
-    """Who does small work that needs no limits: a scheduler of Dask, some processes, or nobody else."""
-    if dask is not None:
-        cluster = Cluster(dask)
-        try:
-            yield cluster.executor()
-        finally:
-            cluster.close()
-    elif jobs > 1:
-        _ensure_server(context := _context())
-        pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_keep_quiet)
-        try:
-            yield pool
-        finally:
-            pool.shutdown(cancel_futures=True)
-    else:
-        yield None
-
-
-def _came_of(future: Any) -> Answer | None:
+def _came_of(future: Any) -> Any:
     if future.status == "finished":
         return future.result()
     if future.status == "error":

@@ -1,7 +1,6 @@
 """Are the models of a fleet still true: quiet while nothing changes, and told where, since when and by how much."""
 
 import json
-import os
 import shutil
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from selector.cli import exit_status
 from selector.errors import ResultError
 from selector.fleet import Processes, overview, read_answer, read_fleet, run_fleet, watch_fleet
 from selector.fleet.later_runs import older_unseen
-from selector.fleet.workers import pool_of
 from selector.telling.fleet import fleet_account, watch_account
 from tests.fleet.machines import Here, changed, fleet_file, machine
 
@@ -284,12 +282,16 @@ def test_a_comparison_leaves_runs_over_and_does_not_silence_a_wrong_clock(watche
     assert watch_fleet(watched).machines["m"].error is None
 
 
-def test_many_processes_say_what_one_says_and_one_that_dies_is_told(watched):
-    alone = watch_fleet(watched)
-    with pool_of(2) as pool:
-        assert watch_fleet(watched, pool=pool) == alone
-        pool.submit(os._exit, 9)
-        found = watch_fleet(watched, pool=pool).machines["m"]
+def test_many_processes_say_what_one_says(watched):
+    assert watch_fleet(watched, workers=Processes(2)) == watch_fleet(watched)
+
+
+def test_a_process_that_dies_is_told(watched):
+    class Dying(Here):
+        def start(self, task):
+            self._done.append((task.name, None))
+
+    found = watch_fleet(watched, workers=Dying()).machines["m"]
     assert (found.status, "ended from outside" in found.error) == ("failed", True)
 
 
