@@ -11,6 +11,7 @@ from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Verdict
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Quantity
+from selector.diagnosis.evidence import naming
 from selector.diagnosis.evidence.confirmation import (
     HARM,
     LEAST,
@@ -32,32 +33,11 @@ from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.discrepancy import beside_discrepancy
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
 from selector.diagnosis.evidence.gain import fit_of, gap_closed
-from selector.diagnosis.evidence.naming import (
-    as_carried,
-    evidence_rows,
-    input_fault_effect,
-    is_far_above_noise,
-    is_little_in_one_run,
-    is_recalibrated,
-    is_small,
-    named_effect,
-    of_practical_size,
-    or_parameters,
-    seen_only,
-    told_of_small,
-    whole_record_effect,
-)
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import TENTH, Search, numbers, search
 from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
-from selector.diagnosis.matching.usable import (
-    diagnosis_of_copy,
-    told_of_copies,
-    with_copies,
-    with_enough_samples,
-    without_fitted_difference,
-)
+from selector.diagnosis.matching import usable
 from selector.diagnosis.mismatch.omnibus import Structure, comes_again, of_whole_record, told_of_wandering, unexplained
 from selector.diagnosis.mismatch.switching import Switched, gain_beside, places, switched, told_of_switches
 from selector.diagnosis.next_run.experiments import next_runs
@@ -98,7 +78,7 @@ def diagnosis(
     """
     known = catalogue() if effects is None else effects
     asked = _Asked(seed, false_alarm, tuple(known), progress or (lambda done, total, text: None))
-    answer = _staged(_State(with_enough_samples(comparison), asked))
+    answer = _staged(_State(usable.with_enough_samples(comparison), asked))
     if answer.verdict == "unexplained" or any(effect.id in _LIKE_RESONANCES for effect in answer.effects):
         return _recalibrated_resonances(answer, asked) or answer
     return answer
@@ -122,7 +102,7 @@ def _recalibrated_resonances(answer: Diagnosis, asked: "_Asked") -> Diagnosis | 
         verdict="miscalibrated",
         effects=(),
         where=(),
-        also_seen=(*beside.also_seen, *seen_only(beside.effects)),
+        also_seen=(*beside.also_seen, *naming.seen_only(beside.effects)),
         fit=alone.fit,
         recalibration={**alone.recalibration, "model": resonances},
     )
@@ -205,14 +185,14 @@ def _searched(state: _State) -> _State:
 
 def _without_copies(state: _State) -> _State:
     """Only responses with a difference: without one there is no noise that a gain could be measured by."""
-    copies = without_fitted_difference(state.comparison)
-    comparison = told_of_copies(state.comparison, copies)
+    copies = usable.without_fitted_difference(state.comparison)
+    comparison = usable.told_of_copies(state.comparison, copies)
     if set(copies) == set(comparison.responses):
-        return replace(state, answer=diagnosis_of_copy(comparison, seed=state.asked.seed))
+        return replace(state, answer=usable.diagnosis_of_copy(comparison, seed=state.asked.seed))
     if not copies:
         return replace(state, comparison=comparison)
     rest = replace(comparison, responses=tuple(name for name in comparison.responses if name not in copies))
-    return state.narrowed(rest, partial(with_copies, comparison=comparison, names=copies))
+    return state.narrowed(rest, partial(usable.with_copies, comparison=comparison, names=copies))
 
 
 def _without_frozen(state: _State, frozen: Sequence[InputFault]) -> _State:
@@ -238,9 +218,9 @@ def _tested(state: _State) -> _State:
     found = beside_discrepancy(comparison, found)
     refuted, worth = surely_refuted(comparison, found), worth_naming(comparison, found)
     found = not_ruinous(comparison, worth)
-    lost = [named_effect(comparison, worth, id_) for id_ in worth.named if id_ not in found.named]
-    found, also = of_practical_size(comparison, found)
-    also = (*also, *seen_only(map(doubted, lost)))
+    lost = [naming.named_effect(comparison, worth, id_) for id_ in worth.named if id_ not in found.named]
+    found, also = naming.of_practical_size(comparison, found)
+    also = (*also, *naming.seen_only(map(doubted, lost)))
     found = replace(found, closed=_closed(state, found))
     return replace(state, untested=untested, search=found, refuted=refuted, also=also)
 
@@ -271,7 +251,7 @@ def _beside_switches(state: _State) -> _State:
 
     for name in found.benches:
         alone = asked(name, ()) if asked(name, tuple(numbers(found.named, name))) else None
-        if alone is not None and not is_small(comparison, found, name, float(np.std(alone.course))):
+        if alone is not None and not naming.is_small(comparison, found, name, float(np.std(alone.course))):
             switches[name] = alone
     if not switches:
         return state
@@ -319,10 +299,10 @@ def _looked_at_what_is_left(state: _State) -> _State:
     only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in found.benches.values())
     residuals, white = _left(comparison, found, only_fitted=only_fitted)
     seen = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
-    little = {name for name in found.benches if is_little_in_one_run(comparison, found, name)}
+    little = {name for name in found.benches if naming.is_little_in_one_run(comparison, found, name)}
     left = {name: bench.residual(numbers(found.named, name)) for name, bench in found.benches.items()}
     of_size = [one for one in seen if one.channel not in little and comes_again(comparison, left[one.channel], one)]
-    structures = [one for one in of_size if not is_small(comparison, found, one.channel, one.size)]
+    structures = [one for one in of_size if not naming.is_small(comparison, found, one.channel, one.size)]
     small = {one.channel for one in seen} - {one.channel for one in structures}
     if not found.named:
         structures = [*(one.structure(comparison) for one in switches.values()), *structures]
@@ -334,7 +314,7 @@ def _named(state: _State) -> _State:
     """What the rows that were not fitted bear out, and faults that stand in them alone."""
     told = [confirmed(state.comparison, state.search, id_) for id_ in state.search.named]
     largest = max((effect.share for effect in told), default=0.0)
-    kept = [as_carried(effect, state.search) for effect in told if _is_sure(effect, state, largest)]
+    kept = [naming.as_carried(effect, state.search) for effect in told if _is_sure(effect, state, largest)]
     # beside structure that is nobody's, a second name is as often a part of that as it is right; one run does not tell
     is_misfit = any(state.search.misfit.get(effect.channel, 1.0) > 1.0 for effect in kept)
     is_misfit |= len(state.comparison.runs) == 1 and sum(not is_data(effect.id) for effect in kept) > 1
@@ -342,7 +322,7 @@ def _named(state: _State) -> _State:
         kept = [replace(effect, confidence=min(effect.confidence, SUSPECTED)) for effect in kept]
     ids = {effect.id for effect in kept}
     left = [effect for effect in told if effect.id not in ids]
-    return replace(state, effects=(*kept, *state.late), also=(*state.also, *seen_only(left)))
+    return replace(state, effects=(*kept, *state.late), also=(*state.also, *naming.seen_only(left)))
 
 
 def _is_sure(effect: NamedEffect, state: _State, largest: float) -> bool:
@@ -353,7 +333,7 @@ def _is_sure(effect: NamedEffect, state: _State, largest: float) -> bool:
     """
     found = state.search
     is_trifle = effect.share < TRIFLE * min(largest, _MOST) and left_unseen(effect, found) >= 1.0 - TRIFLE
-    is_trifle |= effect.share < LEAST and is_far_above_noise(found, effect.channel)
+    is_trifle |= effect.share < LEAST and naming.is_far_above_noise(found, effect.channel)
     little = max(TENTH * largest, TRIFLE if is_data(effect.id) else 0.0)
     is_trifle |= effect.share < little and effect.suspected and effect.id != "data.stuck"
     is_trifle |= effect.share < TENTH and effect.acts is None and np.ptp(found.benches[effect.channel].runs) == 0
@@ -383,12 +363,12 @@ def _named_clearly(state: _State) -> _State:
     state = replace(
         state,
         effects=tuple(effect for effect, little in zip(state.effects, is_little, strict=True) if not little),
-        also=(*state.also, *seen_only(compress(state.effects, is_little))),
+        also=(*state.also, *naming.seen_only(compress(state.effects, is_little))),
     )
     if not doubts or any(_stands(effect, state.search, doubts) for effect in state.effects):
         return state
     stuck = tuple(effect for effect in state.effects if effect.id == "data.stuck")
-    rest = seen_only(effect for effect in state.effects if effect not in stuck)
+    rest = naming.seen_only(effect for effect in state.effects if effect not in stuck)
     return replace(state, effects=stuck, also=(*state.also, *rest))
 
 
@@ -430,12 +410,12 @@ def _named_by_whole_record(state: _State) -> _State:
         if _recalibration_holds(benches[name])
         and name not in state.search.wrong
         # what leaves a third of an error that is no noise is not the fault
-        and (one.share >= _NEARLY_ALL or not is_far_above_noise(state.search, name))
+        and (one.share >= _NEARLY_ALL or not naming.is_far_above_noise(state.search, name))
     ]
     again = {name: state.again[name] for name in right}
     whole = whole_record_names(comparison, again)
-    effects = [whole_record_effect(comparison, benches, state.again, id_, shown) for id_, shown in whole.items()]
-    effects += [input_fault_effect(comparison, fault) for fault in input_faults(comparison) if fault.sure]
+    effects = [naming.whole_record_effect(comparison, benches, state.again, id_, shown) for id_, shown in whole.items()]
+    effects += [naming.input_fault_effect(comparison, fault) for fault in input_faults(comparison) if fault.sure]
     return replace(state, effects=tuple(effects))
 
 
@@ -448,7 +428,9 @@ def _off_in_unseen(state: _State) -> _State:
         state = _recalibrated(replace(state, search=found))
     off = {name: contradicted(bench, state.again[name]) for name, bench in found.benches.items()}
     unlike = (of_whole_record("unlike", state.comparison, name, off[name], 0.0) for name in off if off[name])
-    of_size = [one for one in (*state.refuted, *unlike) if not is_small(state.comparison, found, one.channel, one.size)]
+    of_size = [
+        one for one in (*state.refuted, *unlike) if not naming.is_small(state.comparison, found, one.channel, one.size)
+    ]
     return replace(state, structures=of_size)
 
 
@@ -460,7 +442,7 @@ def _recalibration_holds(bench: Bench) -> bool:
 
 def _judged(state: _State) -> _State:
     """The largest effect first, nothing else in the fit, and the verdict."""
-    told = (or_parameters(state.comparison, state.search, effect) for effect in state.effects)
+    told = naming.or_parameters(state.comparison, state.search, state.effects)
     told = (only_where_carried(effect, state.search) if effect.id in state.search.named else effect for effect in told)
     effects = tuple(sorted(told, key=lambda effect: -effect.share))
     shown = {effect.id: effect.courses for effect in effects}
@@ -471,7 +453,7 @@ def _judged(state: _State) -> _State:
         # beside what is no name after all an offset may have come out anywhere
         state = _recalibrated(replace(state, search=found))
     gains = any(
-        (one.matters or is_recalibrated(found, name)) and _recalibration_holds(found.benches[name])
+        (one.matters or naming.is_recalibrated(found, name)) and _recalibration_holds(found.benches[name])
         for name, one in state.again.items()
     )
     return replace(state, effects=effects, search=found, verdict=_verdict(effects, state.structures, gains))
@@ -514,7 +496,7 @@ def _answered(state: _State) -> Diagnosis:
         effects=effects,
         also_seen=state.also,
         fit=state.fit,
-        evidence=evidence_rows(found, state.untested),
+        evidence=naming.evidence_rows(found, state.untested),
         detectable=detectability(comparison, found, false_alarm=state.asked.false_alarm),
         next_runs=next_runs(comparison, found, effects),
         recalibration={name: one.quantities for name, one in state.again.items()},
@@ -524,7 +506,7 @@ def _answered(state: _State) -> Diagnosis:
             *told_of_switches(comparison, state.switches),
             *told_of_wandering(comparison, state.residuals, structured),
             *told_of_carried(effects, found),
-            *(() if effects else told_of_small(comparison, found, state.small)),
+            *(() if effects else naming.told_of_small(comparison, found, state.small)),
         ),
         seed=state.asked.seed,
     )

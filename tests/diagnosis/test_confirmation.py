@@ -113,11 +113,30 @@ def test_what_wrong_parameters_do_as_well_is_half_sure_and_says_so(slow, id_, ri
     course = of_movement * moved * slow / np.std(slow[~made.held_out])
     effect = replace(named_effect(made, result, "thermal.memory"), id=id_, confidence=0.9, courses={"Z": course})
     effect = replace(effect, cannot_be_told_from=rivals)
-    told = or_parameters(made, result, effect)
+    [told] = or_parameters(made, result, [effect])
     assert told.confidence == (0.5 if is_like else 0.9)
     assert ("few per cent off" in told.statement) == is_like
     of_one_run = replace(effect, id="data.drift", acts=("r2", 0.0, None))
-    assert or_parameters(made, result, of_one_run) == of_one_run
+    assert list(or_parameters(made, result, [of_one_run])) == [of_one_run]
+
+
+@pytest.mark.parametrize(
+    ("id_", "share", "channel", "confidence"),
+    [
+        ("thermal.ambient", 0.2, "Z", 0.5),
+        ("thermal.ambient", 0.8, "Z", 0.9),
+        ("thermal.ambient", 0.2, "Y", 0.9),
+        ("data.drift", 0.2, "Z", 0.9),
+    ],
+)
+def test_what_explains_less_beside_what_wrong_parameters_do_is_no_surer(slow, id_, share, channel, confidence):
+    made, result = found(slow, 1.0)
+    course = 0.1 * np.std(made.recorded["Z"][~made.held_out]) * slow / np.std(slow[~made.held_out])
+    like = replace(named_effect(made, result, "thermal.memory"), confidence=0.9, courses={"Z": course}, share=0.5)
+    beside = replace(like, id=id_, share=share, channels=(channel,), acts=("r2", 0.0, None))
+    told = list(or_parameters(made, result, [like, beside]))
+    assert [one.confidence for one in told] == [0.5, confidence]
+    assert "few per cent off" not in told[1].statement
 
 
 @pytest.mark.parametrize(
@@ -150,7 +169,8 @@ def test_a_lag_in_the_place_of_the_course_is_as_large_as_what_recalibration_does
     effect = replace(named_effect(made, result, "thermal.memory"), confidence=0.9, courses={"Z": course})
     for beyond, confidence in ((0.05, 0.5), (0.2, 0.9)):
         share = (beyond * moved) ** 2 / result.benches["Z"].mean_square([])
-        assert or_parameters(made, result, replace(effect, share=share)).confidence == confidence
+        [told] = or_parameters(made, result, [replace(effect, share=share)])
+        assert told.confidence == confidence
 
 
 def test_what_is_several_times_the_mismatch_only_cancels_a_gain(slow):
@@ -409,7 +429,7 @@ def test_two_names_of_physics_in_one_run_are_half_sure_as_it_does_not_tell_struc
     result = replace(result, named=dict.fromkeys(both, result.named["thermal.memory"]), misfit={"Z": 1.0})
     one = replace(named_effect(*found(slow, 1.0), "thermal.memory"), confidence=0.9)
     monkeypatch.setattr(workflow, "confirmed", lambda comparison, found, id_: replace(one, id=id_))
-    monkeypatch.setattr(workflow, "as_carried", lambda effect, found: effect)
+    monkeypatch.setattr(workflow.naming, "as_carried", lambda effect, found: effect)
     monkeypatch.setattr(workflow, "_is_sure", lambda effect, state, largest: True)
     state = _State(made, None, search=result)  # type: ignore[arg-type]
     assert [(effect.id, effect.confidence) for effect in _named(state).effects] == [(id_, sure) for id_ in both]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import compress
 from operator import attrgetter
 
 import numpy as np
@@ -22,6 +23,7 @@ from selector.diagnosis.shapes.heating import sources
 from selector.diagnosis.shapes.input_faults import InputFault
 from selector.diagnosis.shapes.residual import read_by
 from selector.diagnosis.shapes.signals import rise
+from selector.diagnosis.wording import is_data
 from selector.findings import Finding, Where
 from selector.types import Vector
 
@@ -225,13 +227,20 @@ def is_like_parameters(comparison: Comparison, found: Search, effect: NamedEffec
     return bool(np.std(course[bench.fitted]) < _OF_MOVEMENT * moved or beyond < _BEYOND * moved)
 
 
-def or_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> NamedEffect:
-    """The effect no surer than half where wrong parameters do the same, and told so."""
-    if not is_like_parameters(comparison, found, effect):
-        return effect
-    also = ", as parameters of the simulation that are a few per cent off would do, too."
-    statement = effect.statement.removesuffix(".") + also
-    return replace(effect, statement=statement, confidence=min(effect.confidence, _HALF))
+def or_parameters(comparison: Comparison, found: Search, effects: Sequence[NamedEffect]) -> Iterator[NamedEffect]:
+    """Effects no surer than half where wrong parameters do the same, and told so.
+
+    Physics that explains less of the same channel may be the rest of what is wrong with them, and is no surer either.
+    """
+    is_like = [is_like_parameters(comparison, found, effect) for effect in effects]
+    like = list(compress(effects, is_like))
+    for effect, is_one in zip(effects, is_like, strict=True):
+        larger = (one for one in like if one.share > effect.share and not is_data(effect.id))
+        if is_one:
+            also = ", as parameters of the simulation that are a few per cent off would do, too."
+            effect = replace(effect, statement=effect.statement.removesuffix(".") + also)
+        is_rest = any(not set(one.channels).isdisjoint(effect.channels) for one in larger)
+        yield replace(effect, confidence=min(effect.confidence, _HALF)) if is_one or is_rest else effect
 
 
 def _is_little_force(comparison: Comparison, found: Search, effect: NamedEffect) -> bool:
