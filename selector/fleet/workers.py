@@ -178,7 +178,8 @@ class Cluster:
 
         self._address = address
         # what matters of a lost scheduler or worker is told as the error of a study, or of the fleet
-        logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
+        for name in ("distributed", "tornado", "asyncio"):
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         try:
             connect: Any = Client
             self._client: Any = connect(address, timeout="20s", set_as_default=False)
@@ -218,7 +219,7 @@ class Cluster:
         if self._client.status != "running" or self._without_s > NO_WORKER_S:
             lost = "the scheduler is gone" if self._client.status != "running" else "there is no worker"
             raise OptionError(
-                f"{lost}, with {len(self._futures)} studies under way",
+                f"{lost}, and not everything is done",
                 expected="a scheduler and workers until the fleet is done",
                 where=f"--dask {self._address}",
                 advice="start them again and repeat the command: what is done is kept",

@@ -213,7 +213,7 @@ def kept(reading: Reading, folder: Path) -> tuple[list[Path], int, int]:
     name = None if reading.machine is None else reading.machine.machine.name
     if name is None or not re.fullmatch(FOLDER, name):
         found = "recordings of no machine" if name is None else f"a machine called {name!r}"
-        advice = "describe RUN… --write machine.toml writes one; give its machine a name and add --machine"
+        advice = 'describe RUN… --write machine.toml writes one; add [machine] with name = "A01", and --machine'
         expected = "a machine file with a name of letters, digits, . _ and - under [machine]"
         raise OptionError(found, expected=expected, where="--lake", advice=advice)
     undated = [run.name for run in reading.runs if run.start is None]
