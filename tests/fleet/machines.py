@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from selector.fleet.machine_study import Answer, Task, answered
+from selector.fleet.machine_study import Answer
+from selector.fleet.workers import Work
 
 
 class Here:
@@ -21,8 +22,8 @@ class Here:
     def free(self) -> int:
         return 1 - len(self._done)
 
-    def start(self, task: Task) -> None:
-        self._done.append((task.name, answered(task)))
+    def start(self, task: Work) -> None:
+        self._done.append((task.name, task.answered()))
 
     def finished(self, timeout_s: float) -> list[tuple[str, Answer | None]]:
         done, self._done = self._done, []

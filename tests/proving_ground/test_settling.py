@@ -73,9 +73,9 @@ def test_an_axis_makes_the_told_strokes():
 
 
 def test_a_set_is_settled_by_the_proposed_run():
-    one = settled(case("thermal.second_source/feed", 61, 6.0), 61)
+    one = settled(case("thermal.second_source/cabinet", 62, 6.0), 62)
 
-    assert one.named_before == (("thermal.second_source", "thermal.ambient"),)
-    assert set(one.separates) == {"thermal.second_source", "thermal.ambient"}
+    assert one.named_before == (("thermal.second_source",), ("thermal.ambient", "data.step"))
+    assert set(one.separates) == {"thermal.ambient", "data.step"}
     assert one.after.credits == ("exact",)
     assert not one.after.false_names
