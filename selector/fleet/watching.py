@@ -229,7 +229,7 @@ def watch_fleet(
     Raises ResultError: the fleet was never run.
     """
     answers = read_answer(fleet.results).machines
-    gone = {name: one for name, one in answers.items() if name not in fleet.studies}
+    gone = {name: one for name, one in answers.items() if name not in fleet.studies and one.key is not None}
     found = {name: WatchedMachine(status="failed", error=MISSING, key=one.key) for name, one in gone.items()}
     asked = [_Watching(name, study, answers.get(name), fleet.results) for name, study in fleet.studies.items()]
     each = ((one.name, one.answered()) for one in asked) if workers is None else _by(workers, asked)
