@@ -179,10 +179,18 @@ def predict(
     if asked.nc is not None:
         from selector.controllers.timed_program import timed_program
 
-        axes = {name: recording.channel(name).axis or "" for name in prediction.programs}
-        program = timed_program(
-            asked.nc, prediction.programs, axes, [of_axis(one, channels) for one in asked.invert or ()]
-        )
+        good = {name: one for name, one in prediction.programs.items() if name not in prediction.doubtful}
+        if prediction.programs and not good:
+            raise OptionError(
+                f"predictions that are not good enough: {', '.join(prediction.doubtful)}", where="--nc",
+                expected="twice the error on unseen tests within the tolerance",
+                advice="record further tests, allow more, or leave --nc out",
+            )  # fmt: skip
+        axes = {name: recording.channel(name).axis or "" for name in good}
+        inverted = [
+            one for one in (of_axis(one, channels) for one in asked.invert or ()) if one not in prediction.doubtful
+        ]
+        program = timed_program(asked.nc, good, axes, inverted)
     if program is not None:
         account = replace(account, data={**account.data, "nc": program.as_dict()})
     earlier = [] if out is None else [name for name, mark in _NOT_ALWAYS.items() if begins_with(out / name, mark)]
@@ -211,7 +219,7 @@ def _programs(prediction: Prediction, program: TimedProgram | None) -> dict[str,
         files["program.csv"] = program_table(prediction.programs)
         files["program.txt"] = program_blocks(prediction.programs, prediction.doubtful)
     if program is not None:
-        unless = f"DO NOT USE: the prediction of {', '.join(prediction.doubtful)} is not good enough.\n\n"
+        unless = f"NOT IN IT: the prediction of {', '.join(prediction.doubtful)} is not good enough.\n\n"
         sheet = program.sheet.replace("\n\n", f"\n\n{unless}", 1) if prediction.doubtful else program.sheet
         files |= {program.file: program.text, "nc_sheet.txt": sheet}
     return files

@@ -455,13 +455,14 @@ def test_the_correction_program_as_a_macro(one_mode, tmp_path, capsys, monkeypat
     assert told["replay"]["calls"] > 4
     assert {"O9110.nc", "nc_sheet.txt", "program.csv"} <= {path.name for path in out.iterdir()}
     assert json.loads((out / "prediction.json").read_text(encoding="utf-8"))["nc"] == told
-    # who loads the program of a prediction that is too poor is told, too
+    # a prediction that is too poor gets no program
     for name, error_um in (("good", 4.9), ("poor", 5.1)):
-        monkeypatch.setattr(Prediction, "error_um", lambda _self, _response, error_um=error_um: error_um)
-        assert exit_status([*arguments, "--nc", "fanuc", "--out", str(tmp_path / name)]) == 0
-        sheet = (tmp_path / name / "nc_sheet.txt").read_text(encoding="utf-8")
-        assert ("DO NOT USE: the prediction of Z" in sheet) == (name == "poor")
-    capsys.readouterr()
+        with monkeypatch.context() as patch:
+            patch.setattr(Prediction, "error_um", lambda _self, _response, error_um=error_um: error_um)
+            assert exit_status([*arguments, "--nc", "fanuc", "--out", str(tmp_path / name)]) == 2 * (name == "poor")
+        assert ((tmp_path / name).exists(), "not good enough: Z" in capsys.readouterr().err) == (
+            (True, False) if name == "good" else (False, True)
+        )
     # what another answer left in the folder would be loaded by mistake; somebody's own file stays
     (out / "SELECTOR_TIMED.SPF").write_text("PROC MY_OWN\n", encoding="utf-8")
     without = [word for word in arguments if word not in ("--operations", "60,60", "--tolerance", "10")]
