@@ -274,7 +274,6 @@ def test_a_comparison_leaves_runs_over_and_does_not_silence_a_wrong_clock(watche
     assert (answer.outcome, answer.refit.challenger is not None) == ("promoted" if gain > 1.0 else "kept", True)
     one = watch_fleet(watched).machines["m"]
     assert (one.status, one.error.partition(" are older")[0]) == ("suspect", "2 that were never used")
-    assert before.partition("2 that")[2].partition(" are older")[0] == " were never used"
     again = run_fleet(watched, Here(), refit=True).machines["m"].refit.because
     assert "2 that were never used" in again
     for number in (PROVED + 1, PROVED + 2):

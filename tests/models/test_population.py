@@ -113,4 +113,5 @@ def test_a_machine_that_records_in_another_unit_stands_alone_however_far_the_oth
         in_mm = Evidence.of(products(1e-3 * MEAN, rng, n_runs=4, drift_um=6e-4, noise_um=2e-4))
         assert parted(wide)[0].members == tuple(range(12))
         kept += 0 in parted([in_mm, *wide])[0].members
+    # of 40 such fleets five keep it; all kept it where only two distributions were compared
     assert kept <= 2
