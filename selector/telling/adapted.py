@@ -6,22 +6,7 @@ from typing import Any
 from selector.adaptation.judged import KINDS, LEVEL, Accuracy, Judged
 from selector.adaptation.result import Adaptation
 from selector.number_text import number_text, span_text
-from selector.telling import origin
-from selector.telling.account import (
-    Account,
-    Captioned,
-    Drawing,
-    Items,
-    Table,
-    Verdict,
-    findings_section,
-    legend,
-    section,
-    sections,
-    steps,
-    table,
-    warnings_section,
-)
+from selector.telling import account, origin
 from selector.telling.numbers import share_text
 from selector.telling.origin import label_text
 
@@ -35,7 +20,7 @@ def adaptation_account(
     provenance: Mapping[str, Any] | None = None,
     *,
     drawn: bool = False,
-) -> Account:
+) -> account.Account:
     """All that is told of an adaptation; `description` and `provenance` as `selector describe` and reports have them.
 
     A page is `drawn`, with its drawings.
@@ -43,32 +28,38 @@ def adaptation_account(
     described, provenance = description or {}, provenance or {}
     verdict, sentences = _advice(found)
     overall = [(name, *_cells(of.overall)) for name, of in found.responses.items()]
-    return Account(
+    return account.Account(
         title=": ".join(filter(None, ["Touch-offs", str(provenance.get("machine") or "")])),
         label=label_text("the recordings", "", provenance, described),
         verdict=verdict,
         sentences=sentences,
-        answer=table(["all runs", *_HEADINGS], overall, legend("adapted.errors")),
-        sections=sections(
-            warnings_section(found.findings),
-            section("monday", "What to do", Items(_steps(found), are_steps=True), link="What to do"),
-            section(
-                "runs", "Run by run", Captioned("Errors", _runs_table(found)), *_drawings(found, drawn), link="Runs"
+        answer=account.table(["all runs", *_HEADINGS], overall, account.legend("adapted.errors")),
+        sections=account.sections(
+            account.warnings_section(found.findings),
+            account.section("monday", "What to do", account.Items(_steps(found), are_steps=True), link="What to do"),
+            account.section(
+                "runs",
+                "Run by run",
+                account.Captioned("Errors", _runs_table(found)),
+                *_drawings(found, drawn),
+                link="Runs",
             ),
-            section("learnt", "What the runs teach", Captioned("What is followed", _learnt_table(found), False)),
-            findings_section(found.findings),
-            section("origin", "Origin", *origin.origin_parts(described, provenance)),
+            account.section(
+                "learnt", "What the runs teach", account.Captioned("What is followed", _learnt_table(found), False)
+            ),
+            account.findings_section(found.findings),
+            account.section("origin", "Origin", *origin.origin_parts(described, provenance)),
         ),
         data=found.as_dict(),
         footer="The same recordings and options give the same bytes.",
     )
 
 
-def _advice(found: Adaptation) -> tuple[Verdict, tuple[str, ...]]:
+def _advice(found: Adaptation) -> tuple[account.Verdict, tuple[str, ...]]:
     told = [_of_response(name, of, found) for name, of in found.responses.items()]
     is_bad = found.policy is not None and not found.policy.is_reached
     is_nothing = found.kind == "none" and (found.policy is None or found.policy.every_s is not None)
-    verdict: Verdict = "bad" if is_bad else "plain" if is_nothing else "good"
+    verdict: account.Verdict = "bad" if is_bad else "plain" if is_nothing else "good"
     return verdict, (*_of_policy(found), *told)
 
 
@@ -112,19 +103,19 @@ def _of_response(name: str, of: Judged, found: Adaptation) -> str:
 
 def _steps(found: Adaptation) -> tuple[str, ...]:
     if found.kind == "none":
-        return steps("adapted.as-it-is")
+        return account.steps("adapted.as-it-is")
     often = "as in these runs" if found.every_s is None else f"every {span_text(found.every_s)}"
-    return steps("adapted.steps", often=often)
+    return account.steps("adapted.steps", often=often)
 
 
 _HEADINGS = [">with touch-offs", ">largest", ">model alone", ">before", ">touch-offs", ">in 90 % interval"]
 
 
-def _runs_table(found: Adaptation) -> Table:
+def _runs_table(found: Adaptation) -> account.Table:
     rows = [
         (run, name, *_cells(accuracy)) for name, of in found.responses.items() for run, accuracy in of.accuracy.items()
     ]
-    return table(["run", "response", *_HEADINGS], rows)
+    return account.table(["run", "response", *_HEADINGS], rows)
 
 
 def _cells(one: Accuracy) -> tuple[str | float | None, ...]:
@@ -133,24 +124,26 @@ def _cells(one: Accuracy) -> tuple[str | float | None, ...]:
     return (*errors, str(one.touch_offs), share)
 
 
-def _learnt_table(found: Adaptation) -> Table:
+def _learnt_table(found: Adaptation) -> account.Table:
     rows = [(name, of.kind, *(of.rmse_um_of.get(kind) for kind in KINDS)) for name, of in found.responses.items()]
     headings = ["response", "kind", ">model alone [µm]", ">offset [µm]", ">offset and gain [µm]"]
-    return table(headings, rows, "RMS errors on runs that did not teach; drift and noise are in the model card.")
+    return account.table(
+        headings, rows, "RMS errors on runs that did not teach; drift and noise are in the model card."
+    )
 
 
-def _drawings(found: Adaptation, drawn: bool) -> list[Drawing]:
+def _drawings(found: Adaptation, drawn: bool) -> list[account.Drawing]:
     if not drawn:
         return []
     from selector.figures.traces import adapted_run
 
-    drawings: list[Drawing] = []
+    drawings: list[account.Drawing] = []
     for name, of in found.responses.items():
         known = [(run, of.accuracy[run.course.run]) for run in of.runs]
         ranked = sorted(known, key=lambda one: -(one[1].rmse_um or 0.0))[:MOST_DRAWN]
         for run, one in ranked:
             if one.rmse_um is None or one.without_rmse_um is None:
                 continue
-            text = "" if drawings else legend("adapted.runs").format(most=MOST_DRAWN)
-            drawings.append(Drawing(adapted_run(run, name, one.without_rmse_um, one.rmse_um), text))
+            text = "" if drawings else account.legend("adapted.runs").format(most=MOST_DRAWN)
+            drawings.append(account.Drawing(adapted_run(run, name, one.without_rmse_um, one.rmse_um), text))
     return drawings

@@ -5,39 +5,30 @@ from selector.controllers.evaluator import formula_text, legend_text
 from selector.controllers.model_file import Input, ModelFile, equations_sha256, model_sha256
 from selector.controllers.self_check import model_findings
 from selector.number_text import number_text, span_text
-from selector.telling.account import (
-    Account,
-    Block,
-    Captioned,
-    Formula,
-    Heading,
-    Note,
-    Section,
-    Table,
-    legend,
-    remarks_of,
-    table,
-)
+from selector.telling import account
 from selector.telling.numbers import NONE, uncertain_text
 
 STANDARD = "ISO/TR 16907:2015, clause 12"
 
 
-def model_card_account(model: ModelFile) -> Account:
+def model_card_account(model: ModelFile) -> account.Account:
     """What is told of a model file: formulas, what `card_blocks` says, and the check of the file."""
-    blocks = (*formula_blocks(model), *card_blocks(model, 2), Heading("Self-check"))
-    remarks = remarks_of(model_findings(model))
-    return Account(
-        model.name, (), (Section("card", "", (*blocks, remarks)),), about=f"Model card, headings after {STANDARD}"
+    blocks = (*formula_blocks(model), *card_blocks(model, 2), account.Heading("Self-check"))
+    remarks = account.remarks_of(model_findings(model))
+    return account.Account(
+        model.name,
+        (),
+        (account.Section("card", "", (*blocks, remarks)),),
+        about=f"Model card, headings after {STANDARD}",
     )
 
 
-def formula_blocks(model: ModelFile) -> tuple[Block, ...]:
+def formula_blocks(model: ModelFile) -> tuple[account.Block, ...]:
     """The formulas in readings and rises, and what stands for what in them."""
-    return Formula(formula_text(model)), *(Note(line) for line in legend_text(model).splitlines())
+    return account.Formula(formula_text(model)), *(account.Note(line) for line in legend_text(model).splitlines())
 
 
-def card_blocks(model: ModelFile, level: int, *, has_guard: bool = True) -> tuple[Block, ...]:
+def card_blocks(model: ModelFile, level: int, *, has_guard: bool = True) -> tuple[account.Block, ...]:
     """Machine and data, method, sensors and ranges, coefficients with uncertainty, limits, validation, identity.
 
     Headings are of this level. Without limits where the control that it is for has no guard.
@@ -55,13 +46,13 @@ def card_blocks(model: ModelFile, level: int, *, has_guard: bool = True) -> tupl
     return tuple(
         block
         for title, content in tables.items()
-        for block in (Heading(title, level), Captioned("", content, on_screen=False))
+        for block in (account.Heading(title, level), account.Captioned("", content, on_screen=False))
     )
 
 
-def sensors_table(model: ModelFile, *, has_guard: bool = True) -> Table:
+def sensors_table(model: ModelFile, *, has_guard: bool = True) -> account.Table:
     """Inputs in the order of their numbers, with what the model has seen; faults only where there is a guard."""
-    return table(
+    return account.table(
         [">input", "sensor", "where", "what the model takes", ">from", ">to", "unit", "a fault is"],
         [
             (
@@ -87,7 +78,7 @@ def sensors_table(model: ModelFile, *, has_guard: bool = True) -> Table:
     )
 
 
-def limits_table(model: ModelFile) -> Table:
+def limits_table(model: ModelFile) -> account.Table:
     """Limits of the correction, and what happens on faults and restarts."""
     guard = model.guard
     rows = []
@@ -111,10 +102,10 @@ def limits_table(model: ModelFile) -> Table:
         ),
         ("after a restart", _restart(model)),
     ]
-    return table(["", ""], rows)
+    return account.table(["", ""], rows)
 
 
-def _touch_offs(of: Adaptation) -> Table:
+def _touch_offs(of: Adaptation) -> account.Table:
     rows = [
         (
             one.output,
@@ -131,7 +122,7 @@ def _touch_offs(of: Adaptation) -> Table:
         "Standard deviations. The correction is of displacement + offset + gain · displacement; a touch-off farther "
         f"than {of.gate:g} standard deviations from what is expected is believed when a second one agrees."
     )
-    return table([*headings, ">gain at most [%]"], rows, note)
+    return account.table([*headings, ">gain at most [%]"], rows, note)
 
 
 def _on_fault(model: ModelFile) -> str:
@@ -159,24 +150,24 @@ def _restart(model: ModelFile) -> str:
     )
 
 
-def _data(model: ModelFile) -> Table:
+def _data(model: ModelFile) -> account.Table:
     origin = model.provenance
     rows = [("machine", origin.machine or NONE), ("date", origin.date or NONE)]
     rows.append(("one sample every", NONE if origin.period_s is None else span_text(origin.period_s)))
     rows += [(f"run {run}, SHA-256", sha256) for run, sha256 in origin.data_sha256.items()]
-    return table(["", ""], rows)
+    return account.table(["", ""], rows)
 
 
-def _identity(model: ModelFile) -> Table:
+def _identity(model: ModelFile) -> account.Table:
     rows = [
         ("model file SHA-256", model_sha256(model)),
         ("equations SHA-256, as the programs have it", equations_sha256(model)),
         ("schema", model.schema_),
     ]
-    return table(["", ""], rows)
+    return account.table(["", ""], rows)
 
 
-def _method(model: ModelFile) -> Table:
+def _method(model: ModelFile) -> account.Table:
     origin = model.provenance
     memory = ", ".join(f"{state.source} over {span_text(state.tau_s)}" for state in model.states)
     rows = [
@@ -187,10 +178,10 @@ def _method(model: ModelFile) -> Table:
         ("made by", None if origin.version is None else f"selector {origin.version}"),
         ("seed", None if origin.seed is None else str(origin.seed)),
     ]
-    return table(["", ""], rows)
+    return account.table(["", ""], rows)
 
 
-def _coefficients(model: ModelFile) -> Table:
+def _coefficients(model: ModelFile) -> account.Table:
     rows: list[tuple[str | float, ...]] = []
     for output in model.outputs:
         rows.append((output.name, "intercept", _uncertain(output.intercept, output.intercept_standard_error)))
@@ -199,11 +190,13 @@ def _coefficients(model: ModelFile) -> Table:
             rows.append((output.name, factors, _uncertain(term.coefficient, term.standard_error)))
         if output.position is not None:
             rows.append((output.name, f"slope over {output.position.axis} [µm/m]", output.position.intercept))
-    return table(["output", "term", ">coefficient ± standard error [µm]"], rows, legend("card.coefficients"))
+    return account.table(
+        ["output", "term", ">coefficient ± standard error [µm]"], rows, account.legend("card.coefficients")
+    )
 
 
-def _validation(model: ModelFile) -> Table:
-    return table(
+def _validation(model: ModelFile) -> account.Table:
+    return account.table(
         [
             "output",
             ">unseen: rms [µm]",

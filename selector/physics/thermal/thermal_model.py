@@ -13,22 +13,8 @@ from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.physics.model_fields import ModelOfFile, file_with
 from selector.physics.simulation_kind import Progress, unheard
+from selector.physics.thermal import model_file
 from selector.physics.thermal.finding_table import FINDINGS
-from selector.physics.thermal.model_file import (
-    FAMILY,
-    FieldFile,
-    Gauge,
-    InputsSection,
-    MeshFile,
-    ModelFile,
-    ModesFile,
-    NetworkFile,
-    Sensor,
-    checked_model_file,
-    complete_values,
-    numbers,
-    stated_laws,
-)
 from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.network.heat_system import HeatSystem, Network, time_constants_s
@@ -54,25 +40,25 @@ class HeatMachine:
     xyz_of_probe: Mapping[str, Point] = field(default_factory=dict)
 
 
-def machine_of(file: ModelFile, built: HeatMachine | None = None) -> HeatMachine | ModalModel:
+def machine_of(file: model_file.ModelFile, built: HeatMachine | None = None) -> HeatMachine | ModalModel:
     """The modes, or the body and the laws of a network or of the field machine.
 
     `built` is the machine of a file that differs in its laws only; a field machine is then not built again.
 
     Raises ModelFileError: the file names a source, film, place or length that the field machine does not have.
     """
-    if isinstance(file, ModesFile):
+    if isinstance(file, model_file.ModesFile):
         return modal_machine(file)
-    if isinstance(file, NetworkFile):
+    if isinstance(file, model_file.NetworkFile):
         return network_machine(file)
     # scikit-fem comes in with the field machine, which most model files do not need
     from selector.physics.thermal import field_model
     from selector.physics.thermal.field.machine import SENSORS
 
-    laws = field_model.laws_of(file) if isinstance(file, FieldFile) else stated_laws(file)
+    laws = field_model.laws_of(file) if isinstance(file, model_file.FieldFile) else model_file.stated_laws(file)
     if built is not None:
         return replace(built, laws=laws)
-    if isinstance(file, MeshFile):
+    if isinstance(file, model_file.MeshFile):
         return HeatMachine(field_model.meshed(file, laws).system, laws, ())
     return HeatMachine(
         field_model.system_of(file, laws),
@@ -83,7 +69,7 @@ def machine_of(file: ModelFile, built: HeatMachine | None = None) -> HeatMachine
     )
 
 
-def network_machine(file: NetworkFile) -> HeatMachine:
+def network_machine(file: model_file.NetworkFile) -> HeatMachine:
     """The network of a model file: one probe a node, one displacement for every name among the expansions."""
     network = Network(
         {name: node.heat_capacity_j_per_k for name, node in file.nodes.items()},
@@ -94,14 +80,14 @@ def network_machine(file: NetworkFile) -> HeatMachine:
     )
     return HeatMachine(
         network.heat_system(),
-        stated_laws(file),
+        model_file.stated_laws(file),
         tuple(file.nodes),
         {name: node.place for name, node in file.nodes.items() if node.place is not None},
         {name: node.xyz for name, node in file.nodes.items() if node.xyz is not None},
     )
 
 
-def modal_machine(file: ModesFile) -> ModalModel:
+def modal_machine(file: model_file.ModesFile) -> ModalModel:
     """The modes of a model file; between tested speeds a gain is n^exponent times a factor that is interpolated."""
     modes = file.modes
     speed = np.array(modes.speed_rpm)
@@ -158,10 +144,10 @@ _AXES = ("X", "Y", "Z", "A", "B", "C")
 
 
 @dataclass(frozen=True)
-class FileModel(ModelOfFile[ModelFile]):
+class FileModel(ModelOfFile[model_file.ModelFile]):
     """The model that a model file describes; made by `thermal_model`."""
 
-    family = FAMILY
+    family = model_file.FAMILY
     machine: HeatMachine | ModalModel  #: The equations that were built from it
 
     @property
@@ -199,7 +185,13 @@ class FileModel(ModelOfFile[ModelFile]):
 
         A body whose parameters are all in its laws is not built again.
         """
-        file = file_with(self.file, values, numbers(self.file), checked_model_file, complete_values(self.file))
+        file = file_with(
+            self.file,
+            values,
+            model_file.numbers(self.file),
+            model_file.checked_model_file,
+            model_file.complete_values(self.file),
+        )
         built = self.machine if isinstance(self.machine, HeatMachine) else None
         return FileModel(file, machine_of(file, built))
 
@@ -288,29 +280,29 @@ class FileModel(ModelOfFile[ModelFile]):
         )
 
     @property
-    def _sensors(self) -> tuple[Sensor, ...]:
-        if isinstance(self.machine, ModalModel) or isinstance(self.file, ModesFile):
+    def _sensors(self) -> tuple[model_file.Sensor, ...]:
+        if isinstance(self.machine, ModalModel) or isinstance(self.file, model_file.ModesFile):
             return ()
-        return self.file.sensors or tuple(Sensor(name=name) for name in self.machine.probes)
+        return self.file.sensors or tuple(model_file.Sensor(name=name) for name in self.machine.probes)
 
     @property
-    def _gauges(self) -> tuple[Gauge, ...]:
+    def _gauges(self) -> tuple[model_file.Gauge, ...]:
         machine = self.machine
         known = machine.responses if isinstance(machine, ModalModel) else tuple(machine.system.displacements)
-        return self.file.gauges or tuple(Gauge(name=name) for name in known)
+        return self.file.gauges or tuple(model_file.Gauge(name=name) for name in known)
 
-    def _place(self, sensor: Sensor) -> str | None:
+    def _place(self, sensor: model_file.Sensor) -> str | None:
         probe = sensor.at or sensor.name
         known = {} if isinstance(self.machine, ModalModel) else self.machine.place_of_probe
         return sensor.place or known.get(probe, probe)
 
 
-def thermal_model(file: ModelFile) -> FileModel:
+def thermal_model(file: model_file.ModelFile) -> FileModel:
     """The model that a model file describes, ready to run.
 
     Raises ModelFileError: a part of the file contradicts the machine that it describes.
     """
-    if isinstance(file, FieldFile | MeshFile) and file.candidates is not None:
+    if isinstance(file, model_file.FieldFile | model_file.MeshFile) and file.candidates is not None:
         # scikit-fem comes in with the surfaces of the machine
         from selector.physics.thermal.field_model import with_candidates
 
@@ -320,12 +312,12 @@ def thermal_model(file: ModelFile) -> FileModel:
     return model
 
 
-def model_findings(file: ModelFile) -> tuple[Finding, ...]:
+def model_findings(file: model_file.ModelFile) -> tuple[Finding, ...]:
     """A warning for every group of linked nodes without any film; none for models of other kinds.
 
     Heat that enters such a group stays in it; a single node that nothing heats keeps its temperature for ever.
     """
-    if not isinstance(file, NetworkFile):
+    if not isinstance(file, model_file.NetworkFile):
         return ()
     row = {name: number for number, name in enumerate(file.nodes)}
     ends = np.array([[row[name] for name in link.between] for link in file.links], dtype=np.int64).reshape(-1, 2)
@@ -382,7 +374,7 @@ def input_channel(name: str) -> Channel:
     return Channel(name, about.role, CANONICAL_UNITS[about.role], about.place)
 
 
-def _axis(gauge: Gauge) -> str | None:
+def _axis(gauge: model_file.Gauge) -> str | None:
     """The axis that the file says, or the one after which the displacement is called: Z, Z_lower, Y upper."""
     letter = (gauge.of or gauge.name)[:1].upper()
     rest = (gauge.of or gauge.name)[1:2]
@@ -397,7 +389,7 @@ def driven_runs(
     model: FileModel,
     recording: Recording,
     *,
-    inputs: InputsSection,
+    inputs: model_file.InputsSection,
     otherwise: Conditions,
     seed: int | None = None,
     progress: Progress = unheard,

@@ -11,25 +11,7 @@ from selector.number_text import listed, number_text, span_text
 from selector.physics.thermal.prediction import correction_program
 from selector.physics.thermal.prediction.observer import Observed
 from selector.physics.thermal.prediction.prediction import Prediction
-from selector.telling import origin
-from selector.telling.account import (
-    Account,
-    Block,
-    Captioned,
-    Drawing,
-    Heading,
-    Listing,
-    Paragraph,
-    Table,
-    Verdict,
-    captioned,
-    findings_section,
-    legend,
-    section,
-    sections,
-    table,
-    warnings_section,
-)
+from selector.telling import account, origin
 from selector.telling.numbers import given_text
 from selector.telling.origin import label_text
 
@@ -42,7 +24,7 @@ MOMENTS, MOST_CHANGES = 9, 12  #: Moments at which the displacement is told, and
 def prediction_account(
     prediction: Prediction, description: Mapping[str, Any] | None = None,
     provenance: Mapping[str, Any] | None = None, *, drawn: bool = False,
-) -> Account:  # fmt: skip
+) -> account.Account:  # fmt: skip
     """All that is told of a prediction.
 
     A prediction that was read from its JSON has no duty cycle; what it lacks is left out, and told. `description` says
@@ -60,31 +42,40 @@ def prediction_account(
         sentences = (day_sentence(prediction, prediction.observed), *sentences)
     if cyclogram is None and prediction.heldout_um is None:
         verdict = "plain"
-    course, seen = Captioned("Predicted displacement", _course_table(prediction)), prediction.observed
-    day = None if seen is None else Captioned("By the readings of the day", _day_table(prediction, seen))
-    lacks = None if prediction.repeats or not cyclogram else Paragraph("No test can be repeated by this method.")
-    errors = Captioned("Errors", _accuracy_table(prediction), on_screen=False)
-    drift = captioned("", origin.drift_table(described), on_screen=False)
-    return Account(
+    course, seen = account.Captioned("Predicted displacement", _course_table(prediction)), prediction.observed
+    day = None if seen is None else account.Captioned("By the readings of the day", _day_table(prediction, seen))
+    lacks = (
+        None if prediction.repeats or not cyclogram else account.Paragraph("No test can be repeated by this method.")
+    )
+    errors = account.Captioned("Errors", _accuracy_table(prediction), on_screen=False)
+    drift = account.captioned("", origin.drift_table(described), on_screen=False)
+    return account.Account(
         title=": ".join(filter(None, ["Duty cycle", str(provenance.get("machine") or "")])),
         about=f"{prediction.method} method" + ("" if cyclogram else " · made from the result alone"),
         label=label_text("the tests", "", provenance, described),
         verdict=verdict,
         sentences=sentences,
-        sections=sections(
+        sections=account.sections(
             None
             if cyclogram
-            else section(
-                "left-out", "What this page leaves out", Paragraph(legend("predicted.left-out")), link="Left out"
+            else account.section(
+                "left-out",
+                "What this page leaves out",
+                account.Paragraph(account.legend("predicted.left-out")),
+                link="Left out",
             ),
-            warnings_section(prediction.findings),
-            section("cycle", "The duty cycle", *drawings.get("cycle", ()), course, day, link="Duty cycle"),
-            section("program", "The correction program", *_program(prediction), link="Program"),
-            section("tests", "Why: what the tests say", *drawings.get("tests", ()), lacks, errors, link="Tests"),
-            section("modes", "The thermal modes", captioned("", _modes_table(prediction)), link="Modes"),
-            section("drift", "Drift of the tests after ISO 230-3", drift, link="Drift"),
-            findings_section(prediction.findings),
-            section("origin", "Origin", *origin.origin_parts(described, provenance)),
+            account.warnings_section(prediction.findings),
+            account.section("cycle", "The duty cycle", *drawings.get("cycle", ()), course, day, link="Duty cycle"),
+            account.section("program", "The correction program", *_program(prediction), link="Program"),
+            account.section(
+                "tests", "Why: what the tests say", *drawings.get("tests", ()), lacks, errors, link="Tests"
+            ),
+            account.section(
+                "modes", "The thermal modes", account.captioned("", _modes_table(prediction)), link="Modes"
+            ),
+            account.section("drift", "Drift of the tests after ISO 230-3", drift, link="Drift"),
+            account.findings_section(prediction.findings),
+            account.section("origin", "Origin", *origin.origin_parts(described, provenance)),
         ),
         data=prediction.as_dict(),
         brief=("program",) if prediction.programs else None,
@@ -92,26 +83,26 @@ def prediction_account(
     )
 
 
-def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]:
+def prediction_advice(prediction: Prediction) -> tuple[account.Verdict, tuple[str, ...]]:
     """What to correct when."""
     if not prediction.programs:
         moves = [_moves(prediction, prediction.responses.index(name)) for name in _told(prediction)]
-        return "good", (f"Expect {listed(moves)}.", _trust(prediction), legend("predicted.ask"))
+        return "good", (f"Expect {listed(moves)}.", _trust(prediction), account.legend("predicted.ask"))
     doubtful = prediction.doubtful
     useful = [name for name in prediction.programs if name not in doubtful]
     allowed = [listed([f"{one:g}" for one in program.tolerances_um]) for program in prediction.programs.values()]
     told = listed(list(dict.fromkeys(allowed)))
     if not useful:
         first = f"Do not use this program: the prediction of {listed(doubtful)} is not good enough for {told} µm."
-        return "bad", (first, _trust(prediction), legend("predicted.sign"))
+        return "bad", (first, _trust(prediction), account.legend("predicted.sign"))
     corrected = any(len(one.times_s) > 1 for name in useful for one in prediction.programs[name].operations)
     ends = f"; the drift then stays within {told} µm" if corrected else ""
     first = "; ".join(_instruction(prediction, name) for name in useful) + ends + "."
     first = first[0].upper() + first[1:] if first.startswith("correct ") else first
     if doubtful:
         warning = f"Do not correct {listed(doubtful)}: the prediction is not good enough for {told} µm. "
-        return "bad", (warning + first, _trust(prediction), legend("predicted.sign"))
-    return "good", (first, _trust(prediction), legend("predicted.sign"))
+        return "bad", (warning + first, _trust(prediction), account.legend("predicted.sign"))
+    return "good", (first, _trust(prediction), account.legend("predicted.sign"))
 
 
 def warm_up_sentence(found: correction_program.BestWarmUp) -> str:
@@ -154,7 +145,7 @@ def day_sentence(prediction: Prediction, seen: Observed) -> str:
     return f"{who}, {said}: after {moment}, {listed(now)}."
 
 
-def _day_table(prediction: Prediction, seen: Observed) -> Table:
+def _day_table(prediction: Prediction, seen: Observed) -> account.Table:
     """Displacements by the plan alone and by the readings, at some moments, to the last reading and beyond."""
     times_s = np.unique(np.r_[np.linspace(0.0, float(seen.time_s[-1]), MOMENTS), seen.read_until_s])
     headings, columns = [], []
@@ -172,7 +163,7 @@ def _day_table(prediction: Prediction, seen: Observed) -> Table:
     for name, (plan, observed) in seen.errors_um.items():
         note += f" {name} was measured on that day: the plan was off by {number_text(plan, 2)}, this by "
         note += f"{number_text(observed, 2)} {prediction.unit(name)} (root mean square)."
-    return table([">at [min]", *headings], rows, note)
+    return account.table([">at [min]", *headings], rows, note)
 
 
 def _instruction(prediction: Prediction, name: str) -> str:
@@ -261,19 +252,19 @@ def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _program(prediction: Prediction) -> list[Block]:
+def _program(prediction: Prediction) -> list[account.Block]:
     if not prediction.programs:
         return []
-    blocks = Listing(_blocks(prediction))
+    blocks = account.Listing(_blocks(prediction))
     return [
-        Captioned("", _program_table(prediction)),
-        Heading("Timed offset blocks", 3),
-        Paragraph(legend("predicted.no-control")),
+        account.Captioned("", _program_table(prediction)),
+        account.Heading("Timed offset blocks", 3),
+        account.Paragraph(account.legend("predicted.no-control")),
         blocks,
     ]
 
 
-def _program_table(prediction: Prediction) -> Table:
+def _program_table(prediction: Prediction) -> account.Table:
     rows = [
         (name, str(number), f"{_down(time_s):.1f}", f"{_down(time_s - operation.start_s):.1f}",
          f"{_down(time_s + held_s) - _down(time_s):.1f}", "new zero" if k == 0 else float(step_um),
@@ -291,7 +282,7 @@ def _program_table(prediction: Prediction) -> Table:
     more = f" {len(rows) - MOST_ROWS} more rows are in program.csv." if len(rows) > MOST_ROWS else ""
     note = "Step and offset are the displacement to be subtracted, counted as the gauge counted in the tests. "
     note += "Times are rounded down to 0.1 min, so corrections act up to 6 s early; the JSON form is exact." + more
-    return table(headings, rows[:MOST_ROWS], note)
+    return account.table(headings, rows[:MOST_ROWS], note)
 
 
 def _down(time_s: float) -> float:
@@ -307,7 +298,7 @@ def _blocks(prediction: Prediction) -> str:
     return "\n".join([*lines[:MOST_ROWS], *more]).strip()
 
 
-def _course_table(prediction: Prediction) -> Table:
+def _course_table(prediction: Prediction) -> account.Table:
     """The displacement at some moments, also where the speed changes first."""
     end_s, cyclogram = float(prediction.time_s[-1]), prediction.cyclogram
     times_s = np.linspace(0.0, end_s, MOMENTS)
@@ -320,14 +311,14 @@ def _course_table(prediction: Prediction) -> Table:
         (given_text(time_s / 60), *speed, *(f"{um:.1f}".replace("-", "−") for um in at))
         for time_s, speed, *at in zip(times_s.tolist(), speeds, *courses, strict=True)
     ]
-    return table([">at [min]", *([">speed [r/min]"] if cyclogram else []), *_headings(prediction)], rows)
+    return account.table([">at [min]", *([">speed [r/min]"] if cyclogram else []), *_headings(prediction)], rows)
 
 
 def _headings(prediction: Prediction) -> list[str]:
     return [f">{name} [{prediction.unit(name)}]" for name in prediction.responses]
 
 
-def _accuracy_table(prediction: Prediction) -> Table:
+def _accuracy_table(prediction: Prediction) -> account.Table:
     columns = _headings(prediction)
     rows = [
         (label, *(number_text(float(value), 2) for value in values))
@@ -344,7 +335,7 @@ def _accuracy_table(prediction: Prediction) -> Table:
         for one in prediction.repeats
     ]
     note = "Root mean squares of measured minus predicted. Single samples include the noise of the gauge."
-    return table(["", *columns], rows, note)
+    return account.table(["", *columns], rows, note)
 
 
 def _known(prediction: Prediction) -> str:
@@ -353,31 +344,33 @@ def _known(prediction: Prediction) -> str:
     return "" if factor is None else f", and at most {factor:.2g} times that in 19 cases of 20"
 
 
-def _modes_table(prediction: Prediction) -> Table:
+def _modes_table(prediction: Prediction) -> account.Table:
     rows = [
         (str(number), *(None if end is None else end / 60 for end in (mode.tau_s, mode.low, mode.high)))
         for number, mode in enumerate(prediction.modes, start=1)
     ]
-    return table(
-        [">mode", ">time constant [min]", ">low, 95 % [min]", ">high, 95 % [min]"], rows, legend("predicted.modes")
+    return account.table(
+        [">mode", ">time constant [min]", ">low, 95 % [min]", ">high, 95 % [min]"],
+        rows,
+        account.legend("predicted.modes"),
     )
 
 
-def _drawings(prediction: Prediction) -> dict[str, list[Block]]:
+def _drawings(prediction: Prediction) -> dict[str, list[account.Block]]:
     """Section of the account → its drawings."""
     from selector.figures.duty_cycle import duty_cycle
 
     names = prediction.responses
     return {
         "cycle": [
-            Drawing(duty_cycle(prediction, name), "" if i else legend("predicted.course"))
+            account.Drawing(duty_cycle(prediction, name), "" if i else account.legend("predicted.course"))
             for i, name in enumerate(names)
         ],
         "tests": [_tests(prediction, name) for name in names] if prediction.repeats else [],
     }
 
 
-def _tests(prediction: Prediction, response: str) -> Drawing:
+def _tests(prediction: Prediction, response: str) -> account.Drawing:
     """All tests, or of many those that are repeated worst, in the order in which they were read."""
     from selector.figures.duty_cycle import prediction_of_tests
 
@@ -385,7 +378,7 @@ def _tests(prediction: Prediction, response: str) -> Drawing:
     repeats = prediction.repeats
     ranked = sorted(range(len(repeats)), key=lambda k: -float(repeats[k].rmse_um[r]))[:MOST_TESTS]
     shown = tuple(repeats[k] for k in sorted(ranked))
-    text = legend("predicted.tests")
+    text = account.legend("predicted.tests")
     if len(shown) < len(repeats):
         text += f" Of {len(repeats)} tests, the {len(shown)} that are repeated worst are drawn."
-    return Drawing(prediction_of_tests(prediction, response, shown), text)
+    return account.Drawing(prediction_of_tests(prediction, response, shown), text)

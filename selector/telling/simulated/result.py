@@ -18,23 +18,7 @@ from selector.physics.channel_differences import ChannelDifference
 from selector.physics.model_text import plain_values
 from selector.physics.simulation_kind import Simulated
 from selector.recording import Recording
-from selector.telling import origin
-from selector.telling.account import (
-    Account,
-    Block,
-    Captioned,
-    Drawing,
-    Note,
-    Section,
-    Table,
-    Verdict,
-    captioned,
-    legend,
-    remarks_of,
-    section,
-    sections,
-    table,
-)
+from selector.telling import account, origin
 from selector.telling.numbers import NONE, beside_text, given_text
 
 if TYPE_CHECKING:
@@ -62,7 +46,7 @@ _FIRST = (("position", "table"), ("error",), ("total", "output"), ("force",))  #
 _CHANNEL_UNITS = {"um": "µm", "urad": "µrad", "degC": "°C", "rpm": "r/min", "1": ""}
 _EQUAL = 1e-9  #: Difference, as a share of what was recorded, below which it is rounding.
 
-Drawings = Mapping[str, Sequence[Block]]  #: Section of an account → its drawings; empty unless a page is made.
+Drawings = Mapping[str, Sequence[account.Block]]  #: Section of an account → its drawings; empty unless a page is made.
 Origins = tuple[tuple[str, float, str, str], ...]  #: (name, value, unit, where it is from) of every number of a model.
 
 
@@ -86,14 +70,14 @@ class SimulationResult:
 def simulation_account(
     result: SimulationResult,
     sentences: Sequence[str],
-    own: Sequence[Section | None],
+    own: Sequence[account.Section | None],
     *,
     drawings: Drawings,
     facts: Mapping[str, Any],
     data: Mapping[str, Any],
-    verdict: Verdict = "good",
+    verdict: account.Verdict = "good",
     parameters: Origins | None = None,
-) -> Account:
+) -> account.Account:
     """The account of a simulation: what its kind says, between what all of them say.
 
     `sentences` and `own` are of its kind, the most important first; `facts` stand in its origin beside the model file
@@ -105,18 +89,18 @@ def simulation_account(
     differences = done.differences or ()
     told_data = {result.kind: {**data, "comparison": comparison_data(done.differences)}} if data else {}
     rows = parameters_with_origin(done.model) if parameters is None else parameters
-    return Account(
+    return account.Account(
         title=f"Simulation: {done.model.name}",
         sentences=(*comparison_sentences(differences), *sentences),
-        sections=sections(
+        sections=account.sections(
             comparison_section(differences, drawn=bool(drawings)),
             *own,
-            section("findings", "Findings", remarks_of(result.findings)),
-            section("channels", "Channels", Captioned("", channels_table(done.recording, done.inputs))),
-            section("parameters", "Parameters", _parameters(rows)),
-            section("origin", "Origin", _origin(result, facts)),
+            account.section("findings", "Findings", account.remarks_of(result.findings)),
+            account.section("channels", "Channels", account.Captioned("", channels_table(done.recording, done.inputs))),
+            account.section("parameters", "Parameters", _parameters(rows)),
+            account.section("origin", "Origin", _origin(result, facts)),
         ),
-        label=legend("simulated.compared") if differences else _SIMULATED,
+        label=account.legend("simulated.compared") if differences else _SIMULATED,
         verdict=verdict,
         data=told_data,
         footer="The same model and options give the same bytes.",
@@ -144,7 +128,7 @@ def is_said(values: Any, path: list[str]) -> bool:
     return True
 
 
-def channels_table(recording: Recording, inputs: Sequence[str]) -> Table:
+def channels_table(recording: Recording, inputs: Sequence[str]) -> account.Table:
     """The channels of a simulated recording with their ranges; `inputs` names those that act."""
     rows = []
     for channel in recording.channels:
@@ -161,17 +145,17 @@ def channels_table(recording: Recording, inputs: Sequence[str]) -> Table:
                 _UNITS.get(channel.unit, channel.unit),
             )
         )
-    return table(["channel", "", "role", "place or axis", ">lowest", ">highest", "unit"], rows)
+    return account.table(["channel", "", "role", "place or axis", ">lowest", ">highest", "unit"], rows)
 
 
-def _parameters(rows: Origins) -> Captioned | None:
+def _parameters(rows: Origins) -> account.Captioned | None:
     cells = [(name, given_text(value), NONE if unit in ("", "1") else unit, said) for name, value, unit, said in rows]
     more = f"{len(cells) - MOST_PARAMETERS} more are in the model file." if len(cells) > MOST_PARAMETERS else ""
-    shown = table(["parameter", ">value", "unit", "from"], cells[:MOST_PARAMETERS], more)
-    return captioned("", shown, on_screen=False)
+    shown = account.table(["parameter", ">value", "unit", "from"], cells[:MOST_PARAMETERS], more)
+    return account.captioned("", shown, on_screen=False)
 
 
-def _origin(result: SimulationResult, facts: Mapping[str, Any]) -> Captioned | None:
+def _origin(result: SimulationResult, facts: Mapping[str, Any]) -> account.Captioned | None:
     path, simulated = result.path, result.recording.provenance["simulated"]
     told = origin.remaining_table(
         {
@@ -182,7 +166,7 @@ def _origin(result: SimulationResult, facts: Mapping[str, Any]) -> Captioned | N
             "seed": simulated["seed"],
         }
     )
-    return captioned("", told, on_screen=False)
+    return account.captioned("", told, on_screen=False)
 
 
 def simulation_document(
@@ -247,23 +231,25 @@ def comparison_sentences(differences: Sequence[ChannelDifference]) -> list[str]:
     return [f"{told}{share}."]
 
 
-def comparison_section(differences: Sequence[ChannelDifference], *, drawn: bool) -> Section | None:
+def comparison_section(differences: Sequence[ChannelDifference], *, drawn: bool) -> account.Section | None:
     """All numbers as a table, and drawings of the first channels that differ; None if nothing was recorded."""
     if not differences:
         return None
     several = len({one.run for one in differences}) > 1
     telling = [one for one in differences if one.kind or one.largest > _EQUAL * float(np.abs(one.recorded).max())]
     drawings = [
-        Drawing(_drawn(one, f"{one.channel}, {one.run}" if several else one.channel), legend("simulated.difference"))
+        account.Drawing(
+            _drawn(one, f"{one.channel}, {one.run}" if several else one.channel), account.legend("simulated.difference")
+        )
         for one in telling[: MOST_DRAWN if drawn else 0]
     ]
     more = len(telling) - MOST_DRAWN
-    note = Note(f"{more} more channels were compared and are not drawn.") if drawn and more > 0 else None
-    numbers = Captioned("Simulated minus recorded", comparison_table(differences))
-    return section("comparison", "Simulated and recorded", *drawings, note, numbers)
+    note = account.Note(f"{more} more channels were compared and are not drawn.") if drawn and more > 0 else None
+    numbers = account.Captioned("Simulated minus recorded", comparison_table(differences))
+    return account.section("comparison", "Simulated and recorded", *drawings, note, numbers)
 
 
-def comparison_table(differences: Sequence[ChannelDifference]) -> Table:
+def comparison_table(differences: Sequence[ChannelDifference]) -> account.Table:
     """Every channel in every run."""
     axes = any(one.axis for one in differences)
     rows = [
@@ -281,9 +267,9 @@ def comparison_table(differences: Sequence[ChannelDifference]) -> Table:
         for one in differences[:MOST_ROWS]
     ]
     more = len(differences) - MOST_ROWS
-    note = legend("simulated.relative") + (f" {more} more are in the JSON." if more > 0 else "")
+    note = account.legend("simulated.relative") + (f" {more} more are in the JSON." if more > 0 else "")
     heads = ["run", "axis", "channel", "what"] if axes else ["run", "channel"]
-    return table([*heads, ">rms", ">largest", ">at [s]", "unit", ">relative"], rows, note)
+    return account.table([*heads, ">rms", ">largest", ">at [s]", "unit", ">relative"], rows, note)
 
 
 def comparison_data(differences: Sequence[ChannelDifference] | None) -> list[dict[str, Any]] | None:

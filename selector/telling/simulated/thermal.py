@@ -15,19 +15,7 @@ from selector.physics.thermal.drift_quantities import largest_displacement
 from selector.physics.thermal.model_file import FieldFile, MeshFile
 from selector.physics.thermal.thermal_model import slowest_time_constants
 from selector.recording import Recording
-from selector.telling.account import (
-    Account,
-    Block,
-    Captioned,
-    Drawing,
-    Heading,
-    Note,
-    Table,
-    captioned,
-    legend,
-    section,
-    table,
-)
+from selector.telling import account
 from selector.telling.numbers import NONE
 from selector.telling.simulated.result import SAID, Origins, SimulationResult, is_said, simulation_account
 from selector.types import Array
@@ -39,28 +27,28 @@ if TYPE_CHECKING:
 MOST_RUNS = 6
 
 
-def thermal_account(result: SimulationResult, drawn: bool) -> Account:
+def thermal_account(result: SimulationResult, drawn: bool) -> account.Account:
     """What is told of a machine that warms: what moved and warmed most, where the heat went, time constants."""
     done, runs = result.simulated, result.recording.runs
     shown = runs[:MOST_RUNS]
     drawings = _drawings(result) if drawn else {}
-    courses: list[Block] = []
+    courses: list[account.Block] = []
     for one in shown:
         name = f"Run {one}" if len(runs) > 1 else "How it warms and moves"
-        courses += [Heading(name), *drawings.get(f"run {one}", ())]
+        courses += [account.Heading(name), *drawings.get(f"run {one}", ())]
         balance = done.recording.provenance.get("runs", {}).get(one)
         if balance:
-            courses.append(Captioned("Heat of the run", balance_table(balance), on_screen=len(runs) == 1))
+            courses.append(account.Captioned("Heat of the run", balance_table(balance), on_screen=len(runs) == 1))
     if len(runs) > len(shown):
-        courses.append(Note(f"{len(runs) - len(shown)} more runs were simulated; they are in their files."))
+        courses.append(account.Note(f"{len(runs) - len(shown)} more runs were simulated; they are in their files."))
     constants = slowest_time_constants(done.model.machine, done.details(pictured_at(result)[0]))
     return simulation_account(
         result,
         [_first(result)],
         (
-            section("picture", "The machine at one moment", *drawings.get("picture", ()), link="Picture"),
-            section("runs", "", *courses, link="Courses"),
-            section("constants", "Time constants", captioned("", constants_table(constants))),
+            account.section("picture", "The machine at one moment", *drawings.get("picture", ()), link="Picture"),
+            account.section("runs", "", *courses, link="Courses"),
+            account.section("constants", "Time constants", account.captioned("", constants_table(constants))),
         ),
         drawings=drawings,
         facts={
@@ -130,43 +118,45 @@ def _first(result: SimulationResult) -> str:
     return f"{moves}; {warmest}{where} {'warms' if kelvin >= 0 else 'cools'} most, by {number_text(abs(kelvin))} K."
 
 
-def constants_table(constants: Mapping[str, Array]) -> Table:
+def constants_table(constants: Mapping[str, Array]) -> account.Table:
     """The slowest time constants of every state in which the machine is held [min]."""
     said = ([number_text(s / 60) if np.isfinite(s) else "never" for s in of.tolist()] for of in constants.values())
     rows = [(str(number), *values) for number, values in enumerate(zip_longest(*said), start=1)]
-    return table([">mode", *(f">{name} [min]" for name in constants)], rows, legend("thermal.modes"))
+    return account.table([">mode", *(f">{name} [min]" for name in constants)], rows, account.legend("thermal.modes"))
 
 
-def balance_table(balance: Mapping[str, Any]) -> Table:
+def balance_table(balance: Mapping[str, Any]) -> account.Table:
     """Heat by source and surface, and what stays [kJ]."""
     rows = [(name, "source", number_text(j / 1e3, 4)) for name, j in balance["sources_j"].items()]
     rows += [(name, "surface", number_text(-j / 1e3, 4)) for name, j in balance["films_j"].items()]
     rows.append(("stored in the machine", NONE, number_text(-balance["stored_j"] / 1e3, 4)))
     missing = f"{balance['missing_share']:.1e}"
     note = f"Heat into the machine, negative: out of it. The sum misses {missing} of the turnover (rounding)."
-    return table(["", "", ">heat [kJ]"], rows, note)
+    return account.table(["", "", ">heat [kJ]"], rows, note)
 
 
-def _drawings(result: SimulationResult) -> dict[str, list[Block]]:
+def _drawings(result: SimulationResult) -> dict[str, list[account.Block]]:
     """Section of the account, or a run → its drawings."""
-    found: dict[str, list[Block]] = {"picture": _moment(result)}
+    found: dict[str, list[account.Block]] = {"picture": _moment(result)}
     for run in result.recording.runs[:MOST_RUNS]:
         found[f"run {run}"] = _run(result, run)
     return found
 
 
-def _run(result: SimulationResult, run: str) -> list[Block]:
+def _run(result: SimulationResult, run: str) -> list[account.Block]:
     from selector.figures.simulated.thermal import inputs_and_displacements, temperatures
 
     recording, inputs = result.recording, result.simulated.inputs
     thermometers = [name for name in recording.with_role("temperature") if name not in inputs]
-    drawn: list[Block] = [Drawing(inputs_and_displacements(recording, run, inputs), legend("thermal.courses"))]
+    drawn: list[account.Block] = [
+        account.Drawing(inputs_and_displacements(recording, run, inputs), account.legend("thermal.courses"))
+    ]
     if thermometers:
-        drawn.append(Drawing(temperatures(recording, run, inputs), legend("thermal.grouped")))
+        drawn.append(account.Drawing(temperatures(recording, run, inputs), account.legend("thermal.grouped")))
     return drawn
 
 
-def _moment(result: SimulationResult) -> list[Block]:
+def _moment(result: SimulationResult) -> list[account.Block]:
     file, inputs, recording = result.simulated.model.file, result.simulated.inputs, result.recording
     if not isinstance(file, FieldFile | MeshFile):
         return []
@@ -177,7 +167,7 @@ def _moment(result: SimulationResult) -> list[Block]:
     return [moment_drawing(recording, inputs, moment, at_run)]
 
 
-def moment_drawing(recording: Recording, inputs: Sequence[str], moment: FieldMoment, at_run: str) -> Drawing:
+def moment_drawing(recording: Recording, inputs: Sequence[str], moment: FieldMoment, at_run: str) -> account.Drawing:
     """The machine at one moment of a run, with the thermometers that have a place."""
     from selector.figures.simulated.field import machine_field
 
@@ -197,4 +187,4 @@ def moment_drawing(recording: Recording, inputs: Sequence[str], moment: FieldMom
     drawn = machine_field(
         moment.nodes_m, moment.triangles, moment.temperature_degc, moment.deformation_um, title, places
     )
-    return Drawing(drawn, legend("thermal.picture"))
+    return account.Drawing(drawn, account.legend("thermal.picture"))
