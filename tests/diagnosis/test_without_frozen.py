@@ -141,10 +141,21 @@ def test_equal_readings_while_the_simulation_hardly_moves_prove_no_frozen_sensor
     slow = dataclasses.replace(living, simulated={**living.simulated, "Z": course})
     short = frozen_from(slow, (200, None, None), to=215)
     assert frozen_responses(short) == ()
-    steep = course.copy()
-    steep[200:215] = np.linspace(0.0, 0.4 * np.ptp(course), 15)
-    (fault,) = frozen_responses(dataclasses.replace(short, simulated={**short.simulated, "Z": steep}))
-    assert fault.id == "data.stuck"
+
+
+def test_what_moves_on_from_where_it_stood_was_held_and_what_leaps_had_frozen():
+    """Friction holds a pendulum while its simulation swings on."""
+    living = clean()
+    gone = 0.4 * np.ptp(living.simulated["Z"])
+    steep = living.simulated["Z"].copy()
+    steep[200:215] = steep[200] + np.linspace(0.0, gone, 15)
+    held = frozen_from(living, (200, None, None), to=215)
+    held = dataclasses.replace(held, simulated={**held.simulated, "Z": steep})
+    assert frozen_responses(held) == ()
+    leapt = held.recorded["Z"].copy()
+    leapt[215:N] += gone
+    (fault,) = frozen_responses(dataclasses.replace(held, recorded={**held.recorded, "Z": leapt}))
+    assert (fault.id, fault.run, fault.to_s) == ("data.stuck", RUNS[0], 214 * STEP_S)
 
 
 @pytest.mark.parametrize(

@@ -25,11 +25,12 @@ def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
     """Frozen stretches of responses, fitted and held-out runs; equal readings prove them, so no test is needed.
 
     They prove nothing where the simulation is no further off than elsewhere: what has arrived stands still, while a
-    poor simulation of it creeps on. What leaps from there as the simulation does not has woken up.
+    poor simulation of it creeps on. What leaps from there as the simulation does not has woken up; what moves on from
+    where it stood was held, by friction or a brake.
     """
     faults = []
     for name in comparison.responses:
-        expected = comparison.simulated_course(name)
+        expected, resolution = comparison.simulated_course(name), comparison.resolution.get(name, 0.0)
         difference = comparison.difference(name)
         stretches = frozen_stretches(comparison, name, surely=True)
         steps = np.abs(np.diff(comparison.recorded[name], append=np.nan))
@@ -43,10 +44,11 @@ def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
         for run, first, last in stretches:
             here = np.zeros(len(expected), dtype=bool)
             here[first : last + 1] = True
-            leap = leap_after(comparison, difference, last, comparison.resolution.get(name, 0.0))
+            leap = leap_after(comparison, difference, last, resolution)
             # what starts to move goes by a step that it usually takes
             wakes_up = leap > LEAP and bool(steps[last] > largest)
-            if np.nanmean(squares[here]) < least and not wakes_up:
+            goes_on = leap_after(comparison, comparison.recorded[name], last, resolution) <= LEAP
+            if goes_on or (np.nanmean(squares[here]) < least and not wakes_up):
                 continue
             from_s, to_s = float(comparison.time_s[first]), float(comparison.time_s[last])
             reading, samples = float(comparison.recorded[name][first]), last - first + 1
