@@ -11,7 +11,7 @@ from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Verdict
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Quantity
-from selector.diagnosis.evidence import naming
+from selector.diagnosis.evidence import naming, size
 from selector.diagnosis.evidence.confirmation import (
     HARM,
     LEAST,
@@ -36,7 +36,7 @@ from selector.diagnosis.evidence.gain import fit_of, gap_closed
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import TENTH, Search, numbers, search
-from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
+from selector.diagnosis.evidence.transfer import borne_out, leaves_far_less, told_of_carried
 from selector.diagnosis.matching import usable
 from selector.diagnosis.mismatch.omnibus import Structure, comes_again, of_whole_record, told_of_wandering, unexplained
 from selector.diagnosis.mismatch.switching import Switched, gain_beside, places, switched, told_of_switches
@@ -219,7 +219,7 @@ def _tested(state: _State) -> _State:
     refuted, worth = surely_refuted(comparison, found), worth_naming(comparison, found)
     found = not_ruinous(comparison, worth)
     lost = [naming.named_effect(comparison, worth, id_) for id_ in worth.named if id_ not in found.named]
-    found, also = naming.of_practical_size(comparison, found)
+    found, also = size.of_practical_size(comparison, found)
     also = (*also, *naming.seen_only(map(doubted, lost)))
     found = replace(found, closed=_closed(state, found))
     return replace(state, untested=untested, search=found, refuted=refuted, also=also)
@@ -251,7 +251,7 @@ def _beside_switches(state: _State) -> _State:
 
     for name in found.benches:
         alone = asked(name, ()) if asked(name, tuple(numbers(found.named, name))) else None
-        if alone is not None and not naming.is_small(comparison, found, name, float(np.std(alone.course))):
+        if alone is not None and not size.is_small(comparison, found, name, float(np.std(alone.course))):
             switches[name] = alone
     if not switches:
         return state
@@ -299,10 +299,10 @@ def _looked_at_what_is_left(state: _State) -> _State:
     only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in found.benches.values())
     residuals, white = _left(comparison, found, only_fitted=only_fitted)
     seen = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
-    little = {name for name in found.benches if naming.is_little_in_one_run(comparison, found, name)}
+    little = {name for name in found.benches if size.is_little_in_one_run(comparison, found, name)}
     left = {name: bench.residual(numbers(found.named, name)) for name, bench in found.benches.items()}
     of_size = [one for one in seen if one.channel not in little and comes_again(comparison, left[one.channel], one)]
-    structures = [one for one in of_size if not naming.is_small(comparison, found, one.channel, one.size)]
+    structures = [one for one in of_size if not size.is_small(comparison, found, one.channel, one.size)]
     small = {one.channel for one in seen} - {one.channel for one in structures}
     if not found.named:
         structures = [*(one.structure(comparison) for one in switches.values()), *structures]
@@ -368,8 +368,14 @@ def _named_clearly(state: _State) -> _State:
     if not doubts or any(_stands(effect, state.search, doubts) for effect in state.effects):
         return state
     stuck = tuple(effect for effect in state.effects if effect.id == "data.stuck")
-    rest = naming.seen_only(effect for effect in state.effects if effect not in stuck)
-    return replace(state, effects=stuck, also=(*state.also, *rest))
+    rest = [effect for effect in state.effects if effect not in stuck]
+    # what unseen rows bear out is something, whatever it is
+    gaps = {name: state.search.closed.get(effect.id) for effect in rest for name in effect.courses}
+    borne = [name for name, gap in gaps.items() if gap is not None and gap.low is not None and gap.low >= _QUARTER]
+    large = {name for name in borne if not size.is_small(state.comparison, state.search, name)}
+    left = [one for one in doubts if one.channel in large]
+    also = (*state.also, *naming.seen_only(rest))
+    return replace(state, effects=stuck, structures=state.structures or left, also=also)
 
 
 def _doubts(state: _State) -> Sequence[Structure]:
@@ -387,11 +393,14 @@ def _doubts(state: _State) -> Sequence[Structure]:
 
 
 def _named_by_transfer(state: _State) -> _State:
-    """Where structure is left without a name: what unseen rows bear out, looked at like any other name."""
-    if state.effects or not state.structures:
+    """Where structure is left: what unseen rows bear out, looked at like any other name.
+
+    Beside names only what leaves far less of fitted and of unseen rows than they do together, in plain squares.
+    """
+    if not state.structures:
         return state
     found = borne_out(state.comparison, state.search, seed=state.asked.seed)
-    if found is state.search:
+    if found is state.search or (state.effects and not leaves_far_less(found, state.search)):
         return state
     named = replace(state, search=replace(found, closed=_closed(state, found)), switches={})
     for stage in (_recalibrated, _looked_at_what_is_left, _named, _named_clearly):
@@ -429,7 +438,7 @@ def _off_in_unseen(state: _State) -> _State:
     off = {name: contradicted(bench, state.again[name]) for name, bench in found.benches.items()}
     unlike = (of_whole_record("unlike", state.comparison, name, off[name], 0.0) for name in off if off[name])
     of_size = [
-        one for one in (*state.refuted, *unlike) if not naming.is_small(state.comparison, found, one.channel, one.size)
+        one for one in (*state.refuted, *unlike) if not size.is_small(state.comparison, found, one.channel, one.size)
     ]
     return replace(state, structures=of_size)
 
@@ -442,7 +451,7 @@ def _recalibration_holds(bench: Bench) -> bool:
 
 def _judged(state: _State) -> _State:
     """The largest effect first, nothing else in the fit, and the verdict."""
-    told = naming.or_parameters(state.comparison, state.search, state.effects)
+    told = size.or_parameters(state.comparison, state.search, state.effects)
     told = (only_where_carried(effect, state.search) if effect.id in state.search.named else effect for effect in told)
     effects = tuple(sorted(told, key=lambda effect: -effect.share))
     shown = {effect.id: effect.courses for effect in effects}
@@ -453,7 +462,7 @@ def _judged(state: _State) -> _State:
         # beside what is no name after all an offset may have come out anywhere
         state = _recalibrated(replace(state, search=found))
     gains = any(
-        (one.matters or naming.is_recalibrated(found, name)) and _recalibration_holds(found.benches[name])
+        (one.matters or size.is_recalibrated(found, name)) and _recalibration_holds(found.benches[name])
         for name, one in state.again.items()
     )
     return replace(state, effects=effects, search=found, verdict=_verdict(effects, state.structures, gains))
@@ -506,7 +515,7 @@ def _answered(state: _State) -> Diagnosis:
             *told_of_switches(comparison, state.switches),
             *told_of_wandering(comparison, state.residuals, structured),
             *told_of_carried(effects, found),
-            *(() if effects else naming.told_of_small(comparison, found, state.small)),
+            *(() if effects else size.told_of_small(comparison, found, state.small)),
         ),
         seed=state.asked.seed,
     )

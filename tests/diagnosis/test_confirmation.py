@@ -20,10 +20,12 @@ from selector.diagnosis.evidence.confirmation import (
     only_cancels,
     only_where_carried,
 )
-from selector.diagnosis.evidence.naming import as_carried, named_effect, or_parameters
+from selector.diagnosis.evidence.naming import as_carried, named_effect
 from selector.diagnosis.evidence.recalibration import contradicted, recalibrated
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
+from selector.diagnosis.evidence.size import or_parameters
+from selector.diagnosis.mismatch.omnibus import of_whole_record
 from selector.diagnosis.workflow import _is_sure, _named, _named_clearly, _State, diagnosis
 from tests.diagnosis.made import RUNS, comparison, late_run
 
@@ -414,6 +416,23 @@ def test_what_is_little_and_suspected_beside_a_name_that_is_none_is_none_either(
         kept = _named_clearly(replace(state, effects=(gone, other))).effects
         assert kept == ((other,) if is_kept else ())
     assert _named_clearly(replace(state, effects=(beside,))).effects == (beside,)
+
+
+@pytest.mark.parametrize(("closed", "is_something"), [(0.6, True), (0.1, False), (None, False)])
+def test_a_name_that_unseen_rows_bear_out_leaves_something_unexplained_where_it_is_doubted(
+    slow, monkeypatch, closed, is_something
+):
+    made, result = found(slow, 1.0)
+    gap = None if closed is None else Quantity(0.8, "1", closed, 1.0)
+    result = replace(result, closed={} if gap is None else {"thermal.memory": gap})
+    wanders = of_whole_record("slow", made, "Z", 1.0, 1e-6)
+    monkeypatch.setattr(workflow, "carries_little", lambda *args, is_doubted: False)
+    monkeypatch.setattr(workflow, "_doubts", lambda state: [wanders])
+    monkeypatch.setattr(workflow, "_stands", lambda *args: False)
+    one = named_effect(made, result, "thermal.memory")
+    after = _named_clearly(_State(made, None, search=result, effects=(one,)))  # type: ignore[arg-type]
+    assert after.effects == ()
+    assert list(after.structures) == ([wanders] if is_something else [])
 
 
 @pytest.mark.parametrize(

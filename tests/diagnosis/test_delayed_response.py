@@ -12,7 +12,7 @@ from selector.diagnosis.evidence.response import bench_of, recalibration_columns
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
-from tests.diagnosis.made import comparison
+from tests.diagnosis.made import RUNS, STEP_S, comparison
 
 
 @pytest.mark.parametrize("delay_s", [7e-4, -7e-4])
@@ -196,3 +196,33 @@ def test_a_time_constant_that_is_a_little_off_is_no_lag(off):
         simulated, true = (switched(np.random.default_rng(seed), tau) for tau in (10.0, 10.0 * off))
         noise = 0.005 * np.std(simulated) * np.random.default_rng(seed).standard_normal(true.shape)
         assert "gauging.lag" not in [effect.id for effect in diagnosis(of_forces(simulated, true + noise)).effects]
+
+
+def test_a_lag_beside_a_gain_that_was_fitted_without_it():
+    """Of what follows at 0.2 s a straight line at once has a quarter of the gain."""
+    n, dt_s, tau_s = 800, 0.01, 0.2
+    t, share = np.arange(n) * dt_s, dt_s / (tau_s + dt_s)
+    swept = [(3.0 + k) * np.sign(np.sin(2.0 * np.pi * (0.3 + 0.3 * k) * t * (1.0 + t / 4.0))) for k in range(3)]
+    follows = np.concatenate([lfilter([share], [1.0, share - 1.0], u) for u in swept])
+    u, v = np.concatenate(swept), follows + 0.02 * np.random.default_rng(0).standard_normal(3 * n)
+    at_once = u * float(u[: 2 * n] @ v[: 2 * n] / (u[: 2 * n] @ u[: 2 * n]))
+    channels = (Channel("u", "voltage", "V"), Channel("v", "velocity", "m/s"))
+    of_runs = (RUNS, (0, n, 2 * n, 3 * n), np.tile(t, 3), channels)
+    asked = Comparison(*of_runs, {"u": u, "v": v}, {"v": at_once}, ("v",), np.arange(3 * n) >= 2 * n)
+    [lag] = diagnosis(asked).effects
+    assert lag.id == "gauging.lag"
+    assert lag.share > 0.99
+    assert lag.parameters["tau_s"].value == pytest.approx(tau_s, rel=0.05)
+
+
+@pytest.mark.parametrize("samples", [1, 2])
+def test_one_run_that_is_late_by_a_sample_or_two_where_the_course_leaps(samples):
+    n = 600
+    made = comparison({"Z": 0.05 * np.random.default_rng(0).standard_normal(3 * n)})
+    course = made.simulated["Z"] / np.std(made.simulated["Z"]) + made.recorded["n"] / 2000.0
+    late = course.reshape(3, n).copy()
+    late[1, samples:] = course.reshape(3, n)[1, :-samples]
+    recorded = made.recorded | {"Z": late.ravel() + made.difference("Z")}
+    [fault] = diagnosis(replace(made, simulated={"Z": course}, recorded=recorded)).effects
+    assert (fault.id, fault.acts) == ("data.clock", ("r2", None, None))
+    assert fault.parameters["shift_s"].value == pytest.approx(samples * STEP_S, rel=0.05)

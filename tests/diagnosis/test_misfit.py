@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue, effect_of
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.misfit import misfit, tempered
-from selector.diagnosis.evidence.naming import is_little_in_one_run, of_practical_size
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
+from selector.diagnosis.evidence.size import is_like_parameters, is_little_in_one_run, of_practical_size
 from selector.diagnosis.matching.alignment import resolution
 from selector.diagnosis.matching.runs import pure_error, repeats
 from selector.diagnosis.shapes.signals import lagged
@@ -222,6 +224,17 @@ def test_a_late_position_is_told_as_a_delay_without_friction_that_adds_nothing()
     assert told["delay"].value == pytest.approx(0.015, abs=0.002)
 
 
+@pytest.mark.parametrize(("of_error", "is_like"), [(0.03, True), (0.1, False)])
+def test_what_a_loop_with_other_gains_does_is_little_beside_what_a_position_is_off_its_command(of_error, is_like):
+    error = -0.004 * np.gradient(COMMAND, MOVED_S)
+    made = followed(COMMAND + error, COMMAND + error)
+    bench = bench_of(made, "x", (effect_of("drive.delay"),))[0]
+    course = of_error * np.std(error[bench.fitted]) * noise(3)
+    effect = Mock(id="drive.delay", acts=None, cannot_be_told_from=(), channel="x", courses={"x": course})
+    found = Mock(named={"drive.delay": {"x": 0}}, benches={"x": bench})
+    assert is_like_parameters(made, found, effect) == is_like
+
+
 @pytest.mark.parametrize("size", [1.0, 0.001])
 @pytest.mark.parametrize("are_repeats", [True, False])
 def test_noise_is_told_as_noise_however_little_it_is(size, are_repeats):
@@ -323,3 +336,30 @@ def test_how_far_repeats_differ_hangs_on_no_sample_of_the_shapes(monkeypatch):
     times = misfit(one, [], seed=0)
     monkeypatch.setattr("selector.diagnosis.evidence.misfit._SHAPES", 2)
     assert 1.0 < times == misfit(one, [], seed=0)
+
+
+def of_two(there):
+    """A search that names one effect in two responses: most of a trifle of the first one's movement, and some there."""
+    plain = comparison({"Z": np.zeros(N), "Y": np.zeros(N)})
+    slow = np.concatenate([lfilter([0.01], [1.0, -0.99], part) for part in plain.simulated["Z"].reshape(3, -1)])
+    slow = slow / np.std(slow)
+    made = comparison({"Z": 3.0 * slow + noise(10), "Y": there * slow + noise(11)})
+    far = {"Z": 1e4 * made.simulated["Z"], "Y": made.simulated["Y"]}
+    recorded = {name: far[name] + made.difference(name) for name in far}
+    made = replace(made, simulated=far, recorded=made.recorded | recorded)
+    benches = {name: bench_of(made, name, (effect_of("thermal.memory"),))[0] for name in far}
+    return made, search(benches, false_alarm=0.02, seed=0)
+
+
+@pytest.mark.parametrize(("there", "is_named"), [(0.3, False), (3.0, True)])
+def test_a_name_whose_main_response_is_off_by_a_trifle_has_to_explain_a_part_of_another_one(there, is_named):
+    made, found = of_two(there)
+    assert set(found.named["thermal.memory"]) == {"Z", "Y"}
+    rest, also = of_practical_size(made, found)
+    assert bool(rest.named) == is_named == (also == ())
+
+
+def test_what_shows_in_one_response_does_not_show_in_another_for_it():
+    _, found = of_two(0.0)
+    assert found.standing["thermal.memory"].shows_in(["Z"])
+    assert not found.standing["thermal.memory"].shows_in(["Y"])

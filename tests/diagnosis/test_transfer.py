@@ -13,7 +13,7 @@ from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.evidence.misfit import elsewhere
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import Search, search
-from selector.diagnosis.evidence.transfer import _Shapes, borne_out
+from selector.diagnosis.evidence.transfer import _Shapes, borne_out, leaves_far_less
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 from tests.diagnosis.made import coloured, comparison
@@ -234,3 +234,11 @@ def test_a_hum_in_one_run_is_a_line_or_at_one_speed_a_ripple(hz):
         assert effect.parameters["amplitude"].value == pytest.approx(5.0, rel=0.05)
     else:
         assert effect.parameters["lead_mm"].value == pytest.approx(1e3 * 0.1 / hz, rel=1e-2)
+
+
+def test_names_give_way_to_what_leaves_half_of_what_they_do_and_not_to_their_like():
+    asked = missing_memory(0, 3.0)
+    nothing = unnamed(asked)
+    carried = borne_out(asked, nothing, seed=0)
+    assert leaves_far_less(carried, nothing)
+    assert not leaves_far_less(carried, carried)

@@ -8,7 +8,7 @@ import numpy as np
 from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect
-from selector.diagnosis.evidence.naming import is_like_parameters, is_structured, named_effect, part_of
+from selector.diagnosis.evidence.naming import is_structured, named_effect, part_of
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import (
     MOST_OF_IT,
@@ -20,6 +20,7 @@ from selector.diagnosis.evidence.search import (
     unseen_rms,
     without,
 )
+from selector.diagnosis.evidence.size import is_like_parameters
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record
 from selector.diagnosis.shapes.residual import least_squares
@@ -253,7 +254,8 @@ def not_ruinous(comparison: Comparison, found: Search) -> Search:
             found = replace(found, named={**found.named, id_: {**found.named[id_], response: other}})
             continue
         rest = {name: v for name, v in found.named[id_].items() if name != response}
-        found = replace(found, named=without(found.named, id_) if not rest else {**found.named, id_: rest})
+        stays = rest and found.standing[id_].shows_in(rest)
+        found = replace(found, named={**found.named, id_: rest} if stays else without(found.named, id_))
 
 
 def _next_best(found: Search, id_: str, response: str) -> int | None:

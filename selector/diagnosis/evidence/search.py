@@ -1,6 +1,6 @@
 """Which effects are supported: forward, one by one, all tested again after each, so that proxies collapse."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -61,6 +61,11 @@ class Standing:
     def p_value(self) -> float:
         """Probability that noise makes as much of any of the effects: adjusted for all that are tested."""
         return tail_probability(self.score, self.noise)
+
+    def shows_in(self, responses: Iterable[str], false_alarm: float = 0.02) -> bool:
+        """Whether noise makes as much of any of the effects in these responses alone no oftener than `false_alarm`."""
+        score = float(together([self.tested[name].evidence for name in responses]))
+        return tail_probability(score, self.noise) <= false_alarm
 
     @property
     def chosen(self) -> dict[str, int]:
@@ -338,12 +343,12 @@ def _selected_by_size(benches: Benches, given: _Given) -> tuple[Named, Named]:
         if not supported:
             break
         best = max(supported, key=lambda one: one.score)
-        main, chosen = best.main, best.chosen
-        if given.times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main]):
+        worth = _worth(benches, named, best.chosen, best.main, given.times)
+        if worth:
             # beside it what was refused may add enough
-            named, refused = {**named, best.id: chosen}, {}
+            named, refused = {**named, best.id: worth}, {}
         else:
-            refused[best.id] = chosen
+            refused[best.id] = best.chosen
             tried += 1
     return named, refused
 
@@ -352,10 +357,18 @@ def _without_small(benches: Benches, named: Named, small: Named, times: Mapping[
     """Without names that those found after them have taken the mismatch from."""
     for id_, of in list(named.items()):
         others = without(named, id_)
-        main = max(of, key=lambda name: times[name])
-        if times[main] > 1.0 and not adds(benches[main], numbers(others, main), of[main]):
-            named, small = others, {**small, id_: of}
+        worth = _worth(benches, others, of, max(of, key=lambda name: times[name]), times)
+        named = {**others, id_: worth} if worth else others
+        small = small if worth else {**small, id_: of}
     return named, small
+
+
+def _worth(benches: Benches, named: Named, of: dict[str, int], main: str, times: Mapping[str, float]) -> dict[str, int]:
+    """The responses of an effect, if it adds in its main one; else those of which it explains most all the same."""
+    adding = {name: v for name, v in of.items() if times[name] == 1.0 or adds(benches[name], numbers(named, name), v)}
+    if main in adding:
+        return of
+    return {name: v for name, v in adding.items() if benches[name].share(numbers(named, name), v) >= MOST_OF_IT}
 
 
 def adds(bench: Bench, named: Sequence[int], v: int) -> bool:

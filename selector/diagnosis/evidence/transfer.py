@@ -18,7 +18,7 @@ from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.evidence.misfit import elsewhere
 from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.search import Search
+from selector.diagnosis.evidence.search import Search, numbers, unseen_rms
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.runs import rms
 from selector.findings import Finding, Where
@@ -32,6 +32,7 @@ _LEAVES = 0.4  #: Of what that leaves: enough where it explains most, as of all 
 #: Of the spread of the readings: what recalibration leaves, below which any wrong course explains a part of it.
 _MATTERS = 0.12
 _AS_GOOD, _MOST_ALIKE = 0.6, 3
+_FAR_LESS = 0.5  #: Of what the names of a search leave.
 _STANDS = 0.1  #: Of the spread of a shape: what differs by less within every run.
 _AT_ANY_TIME = ("vibration.line", "vibration.imbalance")  #: Waves of any phase, which are the same at a wrong time.
 
@@ -77,6 +78,14 @@ def borne_out(comparison: Comparison, found: Search, *, seed: int) -> Search:
         carried={id_: (share, by_chance)},
         doubted=frozenset({id_}),
     )
+
+
+def leaves_far_less(carried: Search, found: Search) -> bool:
+    """Whether what unseen rows bear out leaves half of what all names of a search do, or less, fitted or unseen."""
+    ((id_, of),) = carried.named.items()
+    bench, named = found.benches[next(iter(of))], numbers(found.named, next(iter(of)))
+    left = bench.mean_square(named) / bench.mean_square([]), (unseen_rms(bench, named) / unseen_rms(bench, [])) ** 2
+    return 1.0 - carried.carried[id_][0] < _FAR_LESS * min(left)
 
 
 def told_of_carried(effects: Sequence[NamedEffect], found: Search) -> tuple[Finding, ...]:

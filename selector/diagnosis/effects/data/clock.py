@@ -7,6 +7,7 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import Part, everywhere, later_parts, single_runs, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, equally_likely, words_of
+from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.shapes.input_faults import input_faults
 from selector.diagnosis.shapes.signals import by_run, excited, rate
 from selector.number_text import span_text
@@ -21,6 +22,7 @@ _MANY_RUNS = 4
 _OF_RUN = 0.3  #: Of the longest run: shifts by more leave too little to compare.
 _ZONES = 14
 _AROUND_ONE = ((0.6, 1.6),)
+_LEAPS = 0.1  #: Of a shift by one sample, that the derivative does not say.
 _LATE, _RATE = "derivative, late positive", "time × derivative"
 
 
@@ -42,6 +44,7 @@ def _shifted(comparison: Comparison, response: str, course: Vector, slope: Vecto
     yield from equally_likely(
         (_variant(part, -slope, _LATE) for part in (whole, *parts)),
         _by_sizes(comparison, course, slope, parts, sizes),
+        _by_samples(comparison, course, slope, parts) if len(comparison.runs) <= _MANY_RUNS else (),
         _by_hours(comparison, course, whole),
         # recalibration takes a delay by few samples only; a thermometer's clock may be off by more
         _by_sizes(comparison, course, slope, [whole], sizes)
@@ -55,6 +58,14 @@ def _by_hours(comparison: Comparison, course: Vector, whole: Part) -> Iterator[V
     for shift_s in (3600.0 * sign * hours for hours in range(1, _ZONES + 1) for sign in (1, -1)):
         if abs(shift_s) < _OF_RUN * comparison.longest_s:
             yield from _shifted_by(comparison, course, shift_s, [whole])
+
+
+def _by_samples(comparison: Comparison, course: Vector, slope: Vector, parts: Sequence[Part]) -> Iterator[Variant]:
+    """Late or early by one sample or two: of a course that leaps the derivative does not say what that does."""
+    by_s = comparison.period_s
+    if rms(_late(comparison, course, by_s) - course + by_s * slope) > _LEAPS * by_s * rms(slope):
+        for shift_s in (by_s, -by_s, 2.0 * by_s, -2.0 * by_s):
+            yield from _shifted_by(comparison, course, shift_s, parts)
 
 
 def _jumped(comparison: Comparison, course: Vector, slope: Vector) -> Iterator[Variant]:
@@ -101,7 +112,7 @@ def _of_another_rate(comparison: Comparison, course: Vector, slope: Vector) -> I
 
 def _tried(comparison: Comparison, course: Vector, slope: Vector, sizes: tuple[float, ...]) -> list[float]:
     """Shifts to be tried [s], both ways; none within what the derivative says, or beyond three tenths of a run."""
-    moving_s = float(np.std(course) / max(float(np.sqrt(np.mean(slope**2))), 1e-300))
+    moving_s = float(np.std(course) / max(rms(slope), 1e-300))
     amounts = [size * moving_s for size in sizes]
     kept = [shift_s for shift_s in amounts if 2.0 * comparison.period_s < shift_s < _OF_RUN * comparison.longest_s]
     return [sign * shift_s for shift_s in kept for sign in (1.0, -1.0)]

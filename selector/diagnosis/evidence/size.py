@@ -1,0 +1,255 @@
+"""Whether what is named, or left, is large enough to matter, and whether wrong parameters would do the same."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import compress
+
+import numpy as np
+
+from selector.diagnosis.answer import NamedEffect
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.evidence.naming import is_structured, named_effect, noise_floor, seen_only
+from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, numbers, unseen_rms, without
+from selector.diagnosis.finding_table import FINDINGS, SMALL_MISFIT
+from selector.diagnosis.matching.runs import pure_error, rms
+from selector.diagnosis.shapes.axis import FORCE_ROLES, simulated_forces
+from selector.diagnosis.shapes.force_response import PLACE_ROLES, passed
+from selector.diagnosis.wording import is_data
+from selector.findings import Finding, Where
+
+_HALF = 0.5  #: Sure at most, where wrong parameters do the same.
+#: What parameters of a simulation of heat that are a few per cent off look like, and the part of the movement below
+#: which it is no surer than they are likely: on 16 machines with values 2 and 5 % off it was 2 to 20 %.
+_OF_HEAT = {"thermal.memory", "thermal.convection", "thermal.interaction", "thermal.speed_heating"}
+_OF_MOVEMENT, _BEYOND = 0.25, 0.1  #: Its course, and what it does beyond recalibration.
+#: Of the force that the simulation has of the same kind; of what a position is off its command.
+_OF_FORCE, _OF_LOOP = 0.05, {"drive.delay", "drive.elasticity", "drive.mass"}
+_MOST = 0.4
+_LITTLE = 0.015  #: Of the movement of what is recorded: a mismatch that is practically none, however significant it is.
+_NOTHING = 0.001  #: The same where what is left is noise, for all that is seen.
+#: Of the movement: structure, and all that recalibration leaves, that are little beside what it puts right; what that
+#: leaves of the error.
+_LITTLE_BESIDE, _ALL_LEFT, _MUCH_SMALLER = 0.04, 0.1, 0.8
+#: Times the pure error of repeats: what two recordings of the machine itself differ by.
+_AS_REPEATED = float(np.sqrt(2.0))
+
+
+def is_like_parameters(comparison: Comparison, found: Search, effect: NamedEffect) -> bool:
+    """Whether wrong parameters of the simulation do the same as an effect, or as what it cannot be told from."""
+    # no parameter is wrong in one run alone
+    rivals = effect.cannot_be_told_from if effect.acts is None else ()
+    if _OF_HEAT.isdisjoint((effect.id, *rivals)):
+        return _is_little_force(comparison, found, effect)
+    bench, course = found.benches[effect.channel], effect.courses[effect.channel]
+    moved = np.nanstd(comparison.recorded[effect.channel][bench.fitted])
+    # a lag may take the place of the simulated course; what recalibration does not do by itself is little then
+    beyond = np.sqrt(effect.share * bench.mean_square([]))
+    return bool(np.std(course[bench.fitted]) < _OF_MOVEMENT * moved or beyond < _BEYOND * moved)
+
+
+def or_parameters(comparison: Comparison, found: Search, effects: Sequence[NamedEffect]) -> Iterator[NamedEffect]:
+    """Effects no surer than half where wrong parameters do the same, and told so.
+
+    Physics that explains less of the same channel may be the rest of what is wrong with them, and is no surer either.
+    """
+    is_like = [is_like_parameters(comparison, found, effect) for effect in effects]
+    like = list(compress(effects, is_like))
+    for effect, is_one in zip(effects, is_like, strict=True):
+        larger = (one for one in like if one.share > effect.share and not is_data(effect.id))
+        if is_one:
+            also = ", as parameters of the simulation that are a few per cent off would do, too."
+            effect = replace(effect, statement=effect.statement.removesuffix(".") + also)
+        is_rest = any(not set(one.channels).isdisjoint(effect.channels) for one in larger)
+        yield replace(effect, confidence=min(effect.confidence, _HALF)) if is_one or is_rest else effect
+
+
+def _is_little_force(comparison: Comparison, found: Search, effect: NamedEffect) -> bool:
+    """Whether an inertia or a friction is little beside that of the simulation, in a force that is compared.
+
+    Or what a loop with other gains, or other steps, does is little beside what a position is off its command.
+    """
+    for name, v in found.named.get(effect.id, {}).items():
+        channel = comparison.channel(name)
+        if found.benches[name].candidates[v].variant.regime is not None:
+            # no parameter is right in some runs
+            return False
+        fitted = found.benches[name].fitted
+        own = simulated_forces(comparison, channel.axis).get(effect.id) if channel.role in FORCE_ROLES else None
+        if own is not None:
+            given = passed(comparison, name, own)[0]
+            return rms(effect.courses[name][fitted]) < _OF_FORCE * rms(given[fitted])
+        is_kept = name == effect.channel and effect.id in _OF_LOOP and _kept_at(comparison, name) is not None
+        if is_kept and rms(effect.courses[name][fitted]) < _OF_FORCE * _movement(comparison, found, name):
+            return True
+    return False
+
+
+def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tuple[NamedEffect, ...]]:
+    """The search with names that matter alone, and those that are only seen, too.
+
+    Where what is left is not noise alone, everything is significant. If all names together explain less than two fifths
+    of what is above the noise, less than three quarters of what is little in one run, or a mismatch that does not
+    matter, the mismatch is something else. A frozen reading is proved by its equal readings. What explains less than a
+    hundredth is not told of.
+    """
+    trifles = {
+        name for name, times in found.misfit.items() if _is_trifle(comparison, found, name, is_noise=times == 1.0)
+    }
+    doubted = {
+        id_
+        for id_, of in found.named.items()
+        if id_ != "data.stuck"
+        and (
+            trifles.issuperset(of)
+            or (found.standing[id_].main in trifles and _most(found, id_, set(of) - trifles) < TENTH)
+            or (all(found.misfit[name] > 1.0 for name in of) and max(_explained(comparison, found)) < _MOST)
+            or all(_is_part_of_little(comparison, found, name) for name in of)
+        )
+    }
+    also = {id_: of for id_, of in {**found.named, **found.small}.items() if id_ in doubted or id_ not in found.named}
+    rest = replace(found, named={id_: of for id_, of in found.named.items() if id_ not in doubted})
+    return rest, seen_only(_beside(comparison, found, id_, of) for id_, of in also.items())
+
+
+def _most(found: Search, id_: str, names: Iterable[str]) -> float:
+    """The largest share that a name has of one of these responses."""
+    others = without(found.named, id_)
+    return max(found.benches[name].share(numbers(others, name), found.named[id_][name]) for name in names)
+
+
+def _is_part_of_little(comparison: Comparison, found: Search, response: str) -> bool:
+    """Whether names explain less than three quarters of a mismatch that is no noise, and little in one run.
+
+    Or one that is no more than repeats of a programme differ by.
+    """
+    bench = found.benches[response]
+    left = bench.mean_square(numbers(found.named, response)) / bench.mean_square([])
+    if found.misfit[response] == 1.0 or left <= 1.0 - MOST_OF_IT:
+        return False
+    return is_little_in_one_run(comparison, found, response) or _is_as_repeated(comparison, found, response)
+
+
+def _beside(comparison: Comparison, found: Search, id_: str, of: Mapping[str, int]) -> NamedEffect:
+    """An effect as it stands beside the named ones."""
+    beside = replace(
+        found,
+        named={**found.named, id_: dict(of)},
+        rivals={id_: (), **found.rivals},
+        weights={id_: {id_: _HALF}, **found.weights},
+    )
+    return named_effect(comparison, beside, id_)
+
+
+def is_small(comparison: Comparison, found: Search, response: str, size: float = np.inf) -> bool:
+    """Whether what recalibration leaves of a response, or structure of a `size` [unit] in it, is too little to matter.
+
+    That is what repeats of a programme differ by as well, or a step of the reading, unseen rows too; a trifle of what
+    was recorded; and little of it, where recalibration has made the error much smaller, in unseen rows as well: that is
+    what is to be done first.
+    """
+    is_little = size < _LITTLE_BESIDE * _movement(comparison, found, response) and is_recalibrated(found, response)
+    is_little &= _of_movement(comparison, found, response) < _ALL_LEFT
+    is_little |= _off(found, response) < found.benches[response].resolution
+    is_trifle = _is_trifle(comparison, found, response, is_noise=not is_structured(found, response))
+    return is_little or is_trifle or _is_as_repeated(comparison, found, response)
+
+
+def is_little_in_one_run(comparison: Comparison, found: Search, response: str) -> bool:
+    """Whether less than a tenth of the movement is left, on unseen rows too, of a record of one run.
+
+    Nothing in such a record tells noise that wanders, and a law that is not quite its own, from what comes again.
+    """
+    if np.ptp(found.benches[response].runs) > 0:
+        return False
+    return _off(found, response) < _ALL_LEFT * _movement(comparison, found, response)
+
+
+def is_recalibrated(found: Search, response: str) -> bool:
+    """Whether recalibration makes the error much smaller, in the rows that it is fitted to and in the others."""
+    bench = found.benches[response]
+    left, given = bench.residual([]), bench.given
+    parts = [rows for rows in (bench.fitted, bench.unseen) if rows.any()]
+    return all(rms(left[rows]) < _MUCH_SMALLER * rms(given[rows]) for rows in parts)
+
+
+def _is_as_repeated(comparison: Comparison, found: Search, response: str) -> bool:
+    repeated = pure_error(comparison, response)
+    return repeated is not None and _off(found, response) < _AS_REPEATED * repeated
+
+
+def _off(found: Search, response: str) -> float:
+    """What the simulation is off in fitted or unseen rows, whichever is more; recalibrated or as given, if less."""
+    bench = found.benches[response]
+    recalibrated = max(float(np.sqrt(bench.mean_square([]))), unseen_rms(bench, []))
+    as_given = np.nanmax([rms(bench.given[rows]) for rows in (bench.fitted, ~bench.fitted)])
+    return min(recalibrated, float(as_given))
+
+
+def _is_trifle(comparison: Comparison, found: Search, response: str, *, is_noise: bool) -> bool:
+    least = _NOTHING if is_noise else _LITTLE
+    return _of_movement(comparison, found, response) < least
+
+
+def _kept_at(comparison: Comparison, response: str) -> str | None:
+    """The command of a position that a control loop keeps."""
+    of = comparison.channel(response)
+    commands = comparison.with_role("position_command") if of.role in PLACE_ROLES else ()
+    return next((name for name in commands if comparison.channel(name).axis == of.axis), next(iter(commands), None))
+
+
+def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) -> tuple[Finding, ...]:
+    """A finding for every response in which more is left than noise, but too little to matter, as in the `small`."""
+    told = []
+    for name in found.benches:
+        if name not in small and not (is_structured(found, name) and is_small(comparison, found, name)):
+            continue
+        share = _of_movement(comparison, found, name)
+        command = _kept_at(comparison, name)
+        of = "its movement" if command is None else f"what it is off {command}"
+        why = f"only {100.0 * share:.2g} % of {of} (rms)"
+        if _is_as_repeated(comparison, found, name):
+            why = "no more than repeats of a programme differ by"
+        elif _off(found, name) < found.benches[name].resolution:
+            why = "less than a step of the readings"
+        elif share >= _LITTLE and is_little_in_one_run(comparison, found, name):
+            why += ", and one run alone does not tell it from noise that wanders"
+        elif not (is_small(comparison, found, name) or is_recalibrated(found, name)):
+            why = "little beside it, and another in unseen rows"
+        said = f"What recalibration leaves of {name} is no noise, but {why}: too little to be called missing physics."
+        evidence = {"share_of_movement": share, "times_noise": found.misfit[name]}
+        told.append(FINDINGS.finding(SMALL_MISFIT, said, Where(channel=name), evidence))
+    return tuple(told)
+
+
+def _movement(comparison: Comparison, found: Search, response: str) -> float:
+    """How far a response moves, or a position is off its command.
+
+    That is 0, and not known, where the only commands are of another unit, or of another axis: such a position is
+    further off them than it moves.
+    """
+    of, command = comparison.recorded[response], _kept_at(comparison, response)
+    fitted = found.benches[response].fitted
+    moved = float(np.nanstd(of[fitted]))
+    if command is None:
+        return moved
+    axes = {comparison.channel(name).axis for name in (response, command)} - {None}
+    if len(axes) > 1 or comparison.channel(response).unit != comparison.channel(command).unit:
+        return 0.0
+    off = float(np.nanstd((of - comparison.recorded[command])[fitted]))
+    return off if off < moved else 0.0
+
+
+def _of_movement(comparison: Comparison, found: Search, response: str) -> float:
+    whole = _movement(comparison, found, response)
+    return float(np.sqrt(found.benches[response].mean_square([]))) / whole if whole > 0.0 else np.inf
+
+
+def _explained(comparison: Comparison, found: Search) -> Iterator[float]:
+    """Share of the mean square above the noise that the named effects explain, of every response that has one."""
+    for name, bench in found.benches.items():
+        named = numbers(found.named, name)
+        if not named:
+            continue
+        alone, left = bench.mean_square([]), bench.mean_square(named)
+        above = alone - noise_floor(comparison, bench, named, is_noise=found.misfit[name] == 1.0) ** 2
+        yield (alone - left) / above if above > 0.0 else 1.0
