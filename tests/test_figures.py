@@ -115,11 +115,11 @@ def test_tree_merges_at_the_exact_levels():
     selection = studies.small()
     drawn = figures.sensor_tree(selection)
     tree = dendrogram(selection.grouping.similarity.matrix)
-    lines = [trace for trace in drawn.data if trace.mode == "lines"]
-    # a merge is drawn as five points: stem, corner, corner, stem, gap
-    corners = sorted(x for line in lines for x in line.x[1::5])
+    # a merge is drawn as a stem to its level, across, and a stem
+    merges = {shape.line.color: re.findall(r"M\S+?H(\S+?)V\S+?H", shape.path) for shape in outlines(drawn)}
+    corners = sorted(float(x) for levels in merges.values() for x in levels)
     np.testing.assert_allclose(corners, sorted(style.nines(tree.levels)), rtol=1e-12)  # the same function of the same
-    coloured = sum(len(line.x) // 5 for line in lines if line.line.color != style.MUTED)
+    coloured = sum(len(levels) for colour, levels in merges.items() if colour != style.MUTED)
     assert coloured == int((tree.levels >= selection.grouping.chosen.level).sum())
     chosen = next(trace for trace in drawn.data if trace.name == "chosen")
     assert [tree.leaf_order[row] for row in chosen.y] == [
@@ -127,20 +127,25 @@ def test_tree_merges_at_the_exact_levels():
     ]
 
 
+def outlines(drawn: go.Figure) -> list[go.layout.Shape]:
+    return [shape for shape in drawn.layout.shapes if shape.type == "path"]
+
+
 def test_places_show_where_the_kept_sensors_sit():
     selection = studies.small()
-    drawn = figures.sensor_places(selection, places_of(selection), [np.array([[0.0, 0, 0], [0, 0, 2.0]])])
+    drawn = figures.sensor_places(selection, places_of(selection), 2 * [np.array([[0.0, 0, 0], [0, 0, 2.0]])])
     kept = [name for name in selection.chosen if name in places_of(selection)]
     for axis, across in (("x", 0), ("x2", 1)):
         (points,) = (t for t in drawn.data if t.name == "kept" and (t.xaxis or "x") == axis)
-        seen = [k for k, opacity in enumerate(points.marker.opacity) if opacity]
+        seen = [k for k, x in enumerate(points.x) if x is not None]
         assert [k for k, text in enumerate(points.text) if text] == seen
         assert [points.x[k] for k in seen] == [places_of(selection)[name][across] for name in kept]
         assert [points.text[k].removeprefix("<b>").removesuffix("</b>") for k in seen] == [
             style.label(name) for name in kept
         ]
     assert "place of 1 " in drawn.layout.title.text.replace("<br>", " ")
-    assert [list(t.y) for t in drawn.data if t.mode == "lines"] == [[0, 2], [0, 2]]
+    # what lies behind something else is drawn once
+    assert [(shape.xref, shape.path) for shape in outlines(drawn)] == [("x", "M0,0L0,2"), ("x2", "M0,0L0,2")]
 
 
 def test_a_thermometer_in_the_hall_does_not_make_the_machine_small():

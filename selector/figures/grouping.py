@@ -13,6 +13,8 @@ from selector.types import Array
 
 _ROOM_PX, _SENSOR_PX, _LEAST_PX = 170, 18, 140
 _COLOURS = (style.MUTED, *style.GROUPS)
+_STEP_SHAPES = 2  #: Shapes of `add_step_marks`, which come first.
+_NOTHING = "M0,0"  #: An outline without lines.
 _MARKS = (("circle", "chosen"), ("circle-open", "representative of its group"))
 
 
@@ -66,8 +68,6 @@ def tree_picture(tree: Dendrogram, title: str, height: int | None = None) -> go.
     drawn = style.figure(title, _ROOM_PX + max(_SENSOR_PX * n, _LEAST_PX) if height is None else height)
     drawn.update_layout(margin={"b": 85}, legend={"yref": "container", "y": 0.0, "yanchor": "bottom"})
     first, end = level_span(tree.levels)
-    for colour in _COLOURS:
-        style.curve(drawn, [], [], colour, width=2, showlegend=False)
     for symbol, text in _MARKS:
         look = {"symbol": symbol, "line": {"width": 2, "color": style.CHOSEN}}
         style.points(drawn, None, None, style.CHOSEN, text, "%{text}", size=10, marker=look, cliponaxis=False)
@@ -79,6 +79,8 @@ def tree_picture(tree: Dendrogram, title: str, height: int | None = None) -> go.
     bare = {"showgrid": False, "showline": False, "ticks": "", "tickfont": {"size": 12 if n <= 20 else 11}}
     drawn.update_yaxes(range=[n - 0.5, -0.5], side="right", tickvals=list(range(n)), **bare)
     add_step_marks(drawn)
+    for colour in _COLOURS:
+        drawn.add_shape(style.outline(_NOTHING, colour, width=2))
     if height is not None:
         drawn.update_yaxes(showticklabels=False)
         look = {"mode": "text", "textposition": "middle right", "textfont": {"size": 9 if n > 25 else 11}}
@@ -96,18 +98,16 @@ def tree_changes(tree: Dendrogram, names: tuple[str, ...], cut: CutShown, *, is_
     first, end = level_span(tree.levels)
     changes: dict[tuple[str | int, ...], object] = dict(step_changes(cut, first, end))
     lines = _branches(tree, cut, end)
-    for k, colour in enumerate(_COLOURS):
-        changes["data", k, "x"], changes["data", k, "y"] = lines.get(colour, ([], []))
+    for k, colour in enumerate(_COLOURS, start=_STEP_SHAPES):
+        changes["layout", "shapes", k, "path"] = lines.get(colour, _NOTHING)
     shown = style.labels(names)
-    for k, marked in enumerate((cut.chosen, cut.representatives - cut.chosen), start=len(_COLOURS)):
+    for k, marked in enumerate((cut.chosen, cut.representatives - cut.chosen)):
         rows = [row for row, i in enumerate(tree.leaf_order) if i in marked]
         changes["data", k, "x"], changes["data", k, "y"] = [end] * len(rows), rows
         changes["data", k, "text"] = [shown[tree.leaf_order[row]] for row in rows]
         changes["data", k, "showlegend"] = bool(rows)
     labels = [f"<b>{shown[i]}</b>" if i in cut.chosen else shown[i] for i in tree.leaf_order]
-    at: tuple[str | int, ...] = (
-        ("data", len(_COLOURS) + len(_MARKS), "text") if is_live else ("layout", "yaxis", "ticktext")
-    )
+    at: tuple[str | int, ...] = ("data", len(_MARKS), "text") if is_live else ("layout", "yaxis", "ticktext")
     changes[at] = labels
     return changes
 
@@ -155,24 +155,21 @@ def level_at(place: float) -> float:
     return float(1.0 - 10.0**-place)
 
 
-def _branches(tree: Dendrogram, cut: CutShown, end: float) -> dict[str, tuple[list[float | None], list[float | None]]]:
-    """Lines of the tree per colour: one colour a group below the cut, grey above it."""
+def _branches(tree: Dendrogram, cut: CutShown, end: float) -> dict[str, str]:
+    """Outlines of the tree per colour: one colour a group below the cut, grey above it."""
     n = len(tree.leaf_order)
     colour_of = group_colours(tree, cut.groups)
-    place_of = {sensor: k for k, sensor in enumerate(tree.leaf_order)}
     heights = np.minimum(style.nines(tree.levels), end).tolist()
     place: list[tuple[float, float]] = [(0.0, 0.0)] * n
-    for sensor, k in place_of.items():
+    for k, sensor in enumerate(tree.leaf_order):
         place[sensor] = (end, float(k))
     member = list(range(n))
-    lines: dict[str, tuple[list[float | None], list[float | None]]] = {}
+    lines: dict[str, str] = {}
     for (a, b, _, _), level, x in zip(tree.linkage.tolist(), tree.levels.tolist(), heights, strict=True):
         (xa, ya), (xb, yb) = place[int(a)], place[int(b)]
         sensor = member[int(a)]
         colour = colour_of.get(sensor, style.MUTED) if level >= cut.level else style.MUTED
-        xs, ys = lines.setdefault(colour, ([], []))
-        xs += [xa, x, x, xb, None]
-        ys += [ya, ya, yb, yb, None]
+        lines[colour] = f"{lines.get(colour, '')}M{xa},{ya}H{x}V{yb}H{xb}"
         place.append((x, (ya + yb) / 2))
         member.append(sensor)
     return lines

@@ -47,7 +47,8 @@ def sensor_places(
     names = [selection.sensors[i] for i in there]
     points = np.array([places_m[name] for name in names], dtype=np.float64).reshape(-1, 3)
     drawn = machine_picture(names, points, outline_m, title)
-    return changed(drawn, machine_changes(names, [colours.get(i, style.MUTED) for i in there], selection.chosen))
+    shown = [colours.get(i, style.MUTED) for i in there]
+    return changed(drawn, machine_changes(names, points, shown, selection.chosen, style.LONGEST_LABEL))
 
 
 def machine_picture(
@@ -70,20 +71,20 @@ def machine_picture(
     wide = (high - low)[:2]
     height = int(np.clip(_PLOT_WIDTH * (high - low)[2] / wide.sum(), *_HEIGHTS)) + 150
     drawn = style.figure(title, height)
-    # one trace for the whole body: lines end at a gap
-    gap = np.full((1, 3), np.nan)
-    lines = np.vstack([part for line in outline_m for part in (line, gap)] or [gap])[:-1]
     shown = style.labels(names)
     for axis, view, _, across in VIEWS:
-        body = lines[:0] if view in photos else lines
-        style.curve(drawn, body[:, across], body[:, 2], style.BEFORE, width=1, xaxis=axis, showlegend=False)
+        if len(outline_m) and view not in photos:
+            lines = ("L".join(f"{x:.6g},{z:.6g}" for x, z in line[:, [across, 2]].tolist()) for line in outline_m)
+            # edges that lie behind each other once
+            path = "M" + "M".join(dict.fromkeys(lines))
+            drawn.add_shape(style.outline(path, style.BEFORE, xref=axis, yref="y"))
         x, z = points_m[:, across], points_m[:, 2]
         common: dict[str, Any] = {"xaxis": axis, "showlegend": axis == "x"}
         style.points(drawn, x, z, None, "sensor, coloured as its group (grey: alone)", "%{text}", text=shown, **common)
         look = {"symbol": "circle-open", "line": {"width": 2.5}}
         sides = _label_sides(points_m[:, [across, 2]], float((high - low).max()))
         beside: dict[str, Any] = {"mode": "markers+text", "textposition": sides}
-        style.points(drawn, x, z, style.INK, "kept", size=17, marker=look, **beside, **common)
+        style.points(drawn, None, z, style.INK, "kept", size=17, marker=look, **beside, **common)
         if view in photos:
             drawn.add_layout_image(
                 source=photos[view], xref=axis, yref="y", x=float(low[across]), y=float(high[2]),
@@ -101,17 +102,18 @@ def machine_picture(
 
 
 def machine_changes(
-    names: Sequence[str], colours: Sequence[str], chosen: Sequence[str], longest: int = style.LONGEST_LABEL
+    names: Sequence[str], points_m: Array, colours: Sequence[str], chosen: Sequence[str], longest: int
 ) -> Changes:
     """Colours of the sensors, and rings and names of those that are kept, in the frame of `machine_picture`."""
     kept = [name in set(chosen) for name in names]
     labels = style.labels(names, longest)
     beside = [f"<b>{label}</b>" if is_kept else "" for label, is_kept in zip(labels, kept, strict=True)]
     changes: dict[tuple[str | int, ...], object] = {}
-    for view in range(len(VIEWS)):
-        pins, rings = 3 * view + 1, 3 * view + 2
+    for view, (*_, across) in enumerate(VIEWS):
+        pins, rings = 2 * view, 2 * view + 1
         changes["data", pins, "marker", "color"] = list(colours)
-        changes["data", rings, "marker", "opacity"] = [float(is_kept) for is_kept in kept]
+        # what is nowhere is not drawn
+        changes["data", rings, "x"] = [float(x) if k else None for x, k in zip(points_m[:, across], kept, strict=True)]
         changes["data", rings, "text"] = beside
     return changes
 

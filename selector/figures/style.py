@@ -161,6 +161,11 @@ def zone(
     return {"type": "rect", **place, **whole, **look}
 
 
+def outline(path: str, colour: str, *, width: float = 1.0, **more: Any) -> dict[str, Any]:
+    """Any number of lines as one shape below the traces; the browser draws a trace again line by line."""
+    return {"type": "path", "path": path, "line": {"color": colour, "width": width}, "layer": "between", **more}
+
+
 def words(text: str, x: Any, y: Any, colour: Any = INK, size: Any = 12, **more: Any) -> dict[str, Any]:
     """What is written into the picture, as an annotation."""
     return {"text": text, "x": x, "y": y, "showarrow": False, "font": {"color": colour, "size": size}, **more}

@@ -167,7 +167,7 @@ def test_a_click_on_a_point_takes_its_set_and_typing_is_left_alone(page):
 
 
 def test_a_pin_is_dragged_into_the_machine_file(page, bench):
-    x, y = point(page, "machine", 1, 2)
+    x, y = point(page, "machine", 0, 2)
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 30, y - 40, steps=4)

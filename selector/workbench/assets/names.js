@@ -51,7 +51,13 @@
     }
   }
 
-  const watched = new MutationObserver(named);
+  // once for all that changes at a time: a picture that is drawn again changes the page in many steps
+  let isDue = false;
+  const watched = new MutationObserver(() => {
+    if (isDue) return;
+    isDue = true;
+    setTimeout(() => { isDue = false; named(); });
+  });
   const attributeFilter = ["role", "aria-selected", "aria-labelledby", "tabindex"];
   document.addEventListener("DOMContentLoaded", () => {
     named();

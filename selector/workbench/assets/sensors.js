@@ -30,7 +30,10 @@
         method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(what),
       });
       const told = await answer.json();
-      window.dash_clientside.set_props("notice", { children: told.refused || null });
+      // whatever is set, Dash asks the whole page whether that changes it
+      if (told.refused || document.getElementById("notice").hasChildNodes()) {
+        window.dash_clientside.set_props("notice", { children: told.refused || null });
+      }
       // a λ that was refused stays in its field
       if (!told.refused) show(told, what);
     } catch (error) {
@@ -244,7 +247,7 @@
 
   // ---- pins
   const REACH_PX = 14;
-  const PINS = [1, 4]; // the pins of the front and of the side view among the traces
+  const PINS = [0, 2]; // the pins of the front and of the side view among the traces
   let held = null;
 
   const axes = (graph, view) => [graph._fullLayout[view ? "xaxis2" : "xaxis"], graph._fullLayout.yaxis];

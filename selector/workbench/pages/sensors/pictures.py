@@ -51,8 +51,8 @@ def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Fi
     filled = {name: changed(drawn[name], what) for name, what in _changes(view, pins, tree).items()}
     for one in filled.values():
         # the page gives the width; titles are headings
-        one.update_layout(title=None, width=None, height=None, autosize=True)
-        one.update_layout(legend={"yref": "container", "y": 0.0, "yanchor": "bottom"})
+        legend = {"yref": "container", "y": 0.0, "yanchor": "bottom"}
+        one.update_layout(title=None, width=None, height=None, autosize=True, legend=legend)
     for name, margin in (_MARGINS | _name_margins(view)).items():
         # margins that follow the labels would lay every picture out twice
         filled[name].update_layout(margin={**_MARGINS[name], **margin})
@@ -63,16 +63,11 @@ def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Fi
 def _name_margins(view: View) -> dict[str, dict[str, float]]:
     """Room for the longest name, whichever sensors and runs are shown."""
 
-    def longest(names: Iterable[str]) -> int:
-        return max(len(html.unescape(style.label(name))) for name in names)
+    def room(names: Iterable[str]) -> float:
+        return _BESIDE_LETTERS_PX + _LETTER_PX * max(len(html.unescape(style.label(name))) for name in names)
 
-    letters = longest(view.exploration.question.sensors)
-    runs = longest(one.name for one in _runs(view))
-
-    def room(n: int) -> float:
-        return _BESIDE_LETTERS_PX + _LETTER_PX * n
-
-    return {"tree": {"r": room(letters)}, "runs": {"l": max(_MARGINS["runs"]["l"], room(runs))}}
+    runs = max(_MARGINS["runs"]["l"], room(one.name for one in _runs(view)))
+    return {"tree": {"r": room(view.exploration.question.sensors)}, "runs": {"l": runs}}
 
 
 def moved(view: View, pins: Pins) -> dict[str, list[tuple[tuple[str | int, ...], Any]]]:
@@ -105,7 +100,7 @@ def _changes(view: View, pins: Pins, tree: Dendrogram) -> dict[str, Changes]:
     colours = [usable.get(name, UNUSED) for name in pins.names]
     return {
         "tree": tree_changes(tree, sensors, cut, is_live=True),
-        "machine": machine_changes(pins.names, colours, view.fixed.sensors, _LONGEST_BESIDE_PIN),
+        "machine": machine_changes(pins.names, pins.points_m, colours, view.fixed.sensors, _LONGEST_BESIDE_PIN),
         "sets": _set_changes(view),
         "runs": proof.run_error_changes(view.response, _runs(view)),
     }
