@@ -65,7 +65,6 @@ def _frame(bench: Bench) -> Component:
         html.Div(None if k else one.layout(bench), id=f"page-{one.ID}", hidden=k > 0) for k, one in enumerate(PAGES)
     ]
     unseen = [
-        dcc.Location(id="address", refresh=False),
         dcc.Store(id=parts.REVISION, data=bench.revision),
         *(dcc.Store(id=name, data=-1) for name in ("look", "tick", _NOTICED)),
         *(dcc.Store(id=name, data="") for name in (parts.AWAITED, "lacking")),
@@ -90,11 +89,7 @@ def _frame(bench: Bench) -> Component:
 
 def _register(app: dash.Dash, bench: Bench) -> None:
     app.clientside_callback(
-        ClientsideFunction("workbench", "turned"),
-        [Output(f"page-{one.ID}", "hidden") for one in PAGES],
-        [Output(f"to-{one.ID}", "className") for one in PAGES],
-        Output("lacking", "data"),
-        Input("address", "hash"),
+        ClientsideFunction("workbench", "changed"), Input(parts.REVISION, "data"), State(_NOTICED, "data")
     )
 
     places = [Output(f"page-{one.ID}", "children") for one in PAGES[1:]]
@@ -116,20 +111,6 @@ def _register(app: dash.Dash, bench: Bench) -> None:
             dash.set_props("tick", {"data": now})
             dash.set_props("status", {"children": _status(bench)})
 
-    @app.callback(
-        Output("command", "children"),
-        Output("by-hand", "hidden"),
-        Input(parts.REVISION, "data"),
-        Input("address", "hash"),
-    )
-    def _command(_: int, address: str | None) -> tuple[Any, bool]:
-        shown = next((one for one in PAGES if f"#{one.ID}" == address), PAGES[0])
-        command = shown.command(bench)
-        if command is None:
-            return None, True
-        # an option is not broken at its hyphens
-        return [part for word in command_words(command) for part in (html.Span(word), " ")][:-1], False
-
     @app.callback(Input({"type": "cancel", "job": dash.ALL}, "n_clicks"), prevent_initial_call=True)
     def _cancel(clicks: list[int | None]) -> None:
         if any(clicks) and isinstance(number := dash.ctx.triggered_id["job"], int):
@@ -138,16 +119,6 @@ def _register(app: dash.Dash, bench: Bench) -> None:
     @app.callback(Output("saved", "children"), Input("save", "n_clicks"), prevent_initial_call=True)
     def _save(_: int) -> str:
         return f"{bench.save().name} written {datetime.datetime.now():%H:%M:%S}"
-
-    @app.callback(
-        Output(parts.NOTICE, "children"),
-        Input(parts.REVISION, "data"),
-        State(_NOTICED, "data"),
-        prevent_initial_call=True,
-    )
-    def _clear(revision: int, noticed: int) -> None:
-        if revision <= noticed:
-            raise dash.exceptions.PreventUpdate
 
 
 def _status(bench: Bench) -> list[Component]:
@@ -179,6 +150,12 @@ def _said(bench: Bench, error: Exception) -> None:
 
 def _add_routes(server: flask.Flask, bench: Bench) -> None:
     server.add_url_rule("/beat", "beat", lambda: f"{bench.revision} {bench.jobs.ticks} {bench.is_reading}")
+
+    @server.get("/command/<name>")
+    def _command(name: str) -> flask.Response:
+        """The words of the command that the frame shows with a page."""
+        command = next((one for one in PAGES if name == one.ID), PAGES[0]).command(bench)
+        return flask.jsonify([] if command is None else command_words(command))
 
     @server.get(_LOOK)
     def _look() -> flask.Response:

@@ -92,6 +92,9 @@ def test_a_set_is_taken_and_let_go(client, bench):
     assert told["is_taken"]
     assert dict(told["facts"])["sensors shown"] == "T1, T4"
     assert told["command"].endswith("--max-sensors 2 --must T1 --must T4 --out selection")
+    said = {name: client.get(f"/command/{name}", base_url="http://127.0.0.1:8050").json for name in ("sensors", "none")}
+    assert " ".join(said["sensors"]) == told["command"]
+    assert said["none"][1] == "describe"  # the first page is shown where the address names none
     assert sensors.command(bench)[-8:] == ("--max-sensors", "2", "--must", "T1", "--must", "T4", "--out", "selection")
     back = move(client, take=[])
     assert back["facts"] == before["facts"]

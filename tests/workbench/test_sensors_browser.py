@@ -30,6 +30,8 @@ HAS_PLACE = "(text) => [...document.querySelectorAll('#sensors-wishes .place inp
 VALUES = "([name, trace]) => Array.from(document.querySelector(`#sensors-${name} .js-plotly-plot`).data[trace].x)"
 TOLD = """fetch("/sensors/move", {method: "POST", headers: {"Content-Type": "application/json"}, body: "{}"})
   .then((answer) => answer.json())"""
+#: How many names stand in each of the two views of the machine.
+N_NAMED = "document.querySelectorAll('#sensors-machine .textpoint text').length / 2"
 N_SHOWN = "document.querySelector('#sensors-facts dd').textContent.split(',').length"
 
 
@@ -91,6 +93,7 @@ def test_the_keyboard_moves_groups_errors_and_command_together(page, bench):
     page.get_by_text("7 groups", exact=True).wait_for()
     page.wait_for_function(N_SHOWN + " > 1")
     page.locator("#command").get_by_text("--lambda 1.0").wait_for()
+    page.wait_for_function(f"{N_NAMED} === {N_SHOWN}")
     fine = shown()
     assert (coarse["groups"], fine["groups"]) == (1, 7)
     assert coarse["errors"] != fine["errors"]

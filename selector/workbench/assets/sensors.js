@@ -219,8 +219,7 @@
     for (const [name, text] of Object.entries(told.titles)) place(`${name}-title`).textContent = text;
     showGroups(told.groups);
     if (told.changes) {
-      // through Dash: React could not take back what another hand put there
-      window.dash_clientside.set_props("command", { children: told.command });
+      window.dash_clientside.workbench.commanded(told.command);
       showPictures(told.changes);
     }
   }

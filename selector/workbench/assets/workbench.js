@@ -1,20 +1,61 @@
 // Tabs by the address, files by drop or choice, copying: what the browser does without the server.
 "use strict";
 
+// Which page is shown, and its command. Whatever is set through Dash, all parts of all pages are asked whether that
+// changes them, several times for a callback: through Dash goes only what the server, or React, must know.
+const frame = (() => {
+  const set = (id, props) => window.dash_clientside.set_props(id, props);
+  let here = null, asked = 0;
+
+  const commanded = (...content) => {
+    asked += 1;
+    document.getElementById("by-hand").hidden = !content.length;
+    document.getElementById("command").replaceChildren(...content);
+  };
+
+  async function command() {
+    asked += 1;
+    const mine = asked;
+    const answer = await fetch(`/command/${here}`).catch(() => null);
+    const words = answer && answer.ok ? await answer.json() : null;
+    // only the last one counts; without an answer what is there stays
+    if (!words || mine !== asked) return;
+    // an option is not broken at its hyphens
+    const spans = words.map((word) => Object.assign(document.createElement("span"), { textContent: word }));
+    commanded(...spans.flatMap((span) => [" ", span]).slice(1));
+  }
+
+  function turn() {
+    const tabs = Array.from(document.querySelectorAll("header a.tab"));
+    if (!tabs.length) return;
+    const shown = tabs.find((tab) => tab.hash === window.location.hash) || tabs[0];
+    const name = shown.hash.slice(1);
+    for (const tab of tabs) tab.className = tab === shown ? "tab here" : "tab";
+    const before = here || tabs[0].hash.slice(1);
+    here = name;
+    command();
+    if (name === before) return;
+    set(`page-${before}`, { hidden: true });
+    set(`page-${name}`, { hidden: false });
+    // made when it is shown for the first time
+    if (!document.getElementById(`page-${name}`).childElementCount) set("lacking", { data: name });
+    // another page is seen from its top
+    window.scrollTo(0, 0);
+    // what was drawn while it was hidden has no width yet
+    setTimeout(() => window.dispatchEvent(new Event("resize")), 50);
+  }
+
+  window.addEventListener("hashchange", turn);
+  return { set, turn, commanded };
+})();
+
 window.dash_clientside = Object.assign({}, window.dash_clientside, {
   workbench: {
-    // which page is hidden, the class of its tab, and the page that has to be made: it is shown for the first time
-    turned(hash) {
-      const tabs = Array.from(document.querySelectorAll("header a.tab"));
-      const ids = tabs.map((tab) => tab.getAttribute("href"));
-      const shown = ids.includes(hash) ? hash : ids[0];
-      // another page is seen from its top
-      if (document.getElementById(`page-${shown.slice(1)}`).hidden) window.scrollTo(0, 0);
-      // what was drawn while it was hidden has no width yet
-      setTimeout(() => window.dispatchEvent(new Event("resize")), 50);
-      const name = shown.slice(1);
-      const lacking = document.getElementById(`page-${name}`).childElementCount ? window.dash_clientside.no_update : name;
-      return [ids.map((id) => id !== shown), ids.map((id) => (id === shown ? "tab here" : "tab")), lacking].flat();
+    commanded: frame.commanded,
+    // at the start and after a change of the bench, which also ends the notice of what could not be done before
+    changed(revision, noticed) {
+      if (revision > noticed) frame.set("notice", { children: null });
+      frame.turn();
     },
     // goes to where the answer of a page will stand, and again when it does
     awaits(asked) {
@@ -69,7 +110,9 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
 
   // what could not be done on one page is no notice of the next; here, since the server's answer may come after a
   // refusal on the new page
-  window.addEventListener("hashchange", () => window.dash_clientside.set_props("notice", { children: null }));
+  window.addEventListener("hashchange", () => {
+    if (document.getElementById("notice").hasChildNodes()) frame.set("notice", { children: null });
+  });
 
   // one file after the other, so that the order is the user's and the memory of the browser holds none of them
   async function send(zone, files) {

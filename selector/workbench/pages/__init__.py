@@ -1,7 +1,8 @@
 """The pages of the workbench: what each of them has, see `Page`; none knows another.
 
 How a page hears of changes: ``Input(parts.REVISION, "data")`` fires after every change of the bench, whichever page
-or job made it; render from `bench` then. A callback that changed the bench calls ``parts.tell(bench)`` last.
+or job made it; render from `bench` then, what takes long only where ``Input(f"page-{ID}", "hidden")`` says no. A
+callback that changed the bench calls ``parts.tell(bench)`` last.
 
 How a page does long work: ``bench.start(title, command, out)`` puts a command into the queue; the frame shows progress
 and Cancel; when it has ended REVISION fires, and ``bench.result("selection/selection.json")`` gives what it wrote.

@@ -81,14 +81,14 @@ def register(app: dash.Dash, bench: Bench) -> None:
         Output(f"{ID}-shown", "data"),
         Output(f"{ID}-drawn", "data"),
         Input(parts.REVISION, "data"),
-        Input("address", "hash"),
+        Input(f"page-{ID}", "hidden"),
         State(f"{ID}-shown", "data"),
         State(f"{ID}-drawn", "data"),
     )
-    def _draw(_: int, address: str | None, shown: Any, drawn: Any) -> tuple[Any, ...]:
+    def _draw(_: int, is_hidden: bool, shown: Any, drawn: Any) -> tuple[Any, ...]:
         """Simulated when somebody wants to see it."""
         asked = bench.simulation
-        if address != f"#{ID}" or asked.model not in bench.models(asked.kind):
+        if is_hidden or asked.model not in bench.models(asked.kind):
             raise dash.exceptions.PreventUpdate
         wanted = [asked.kind, asked.model, Path(asked.model).stat().st_mtime_ns]
         now = [*wanted, sorted(asked.values.items())]

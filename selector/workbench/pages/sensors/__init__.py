@@ -99,11 +99,11 @@ def register(app: dash.Dash, bench: Bench) -> None:
         Output(f"{ID}-now", "data"),
         *(Output(f"{ID}-{name}", "figure") for name in pictures.NAMES),
         Input(parts.REVISION, "data"),
-        Input("address", "hash"),
+        Input(f"page-{ID}", "hidden"),
         State(f"{ID}-shown", "data"),
     )
-    def _show(_: int, address: str | None, shown: Any) -> tuple[Any, ...]:
-        if address != f"#{ID}":
+    def _show(_: int, is_hidden: bool, shown: Any) -> tuple[Any, ...]:
+        if is_hidden:
             # the samples are added up when somebody wants to see it
             raise dash.exceptions.PreventUpdate
         nothing = (None, no_update, *(no_update for _ in pictures.NAMES))
