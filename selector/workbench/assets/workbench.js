@@ -41,8 +41,6 @@ const frame = (() => {
     if (!document.getElementById(`page-${name}`).childElementCount) set("lacking", { data: name });
     // another page is seen from its top
     window.scrollTo(0, 0);
-    // what was drawn while it was hidden has no width yet
-    setTimeout(() => window.dispatchEvent(new Event("resize")), 50);
   }
 
   window.addEventListener("hashchange", turn);
