@@ -64,8 +64,6 @@ class Jobs:
         self._child: tuple[int, subprocess.Popen[str]] | None = None
         self._is_closed = False
         self._worker: threading.Thread | None = None
-        self.ticks = 0
-        """Grows with every change of a job."""
 
     @property
     def all(self) -> tuple[Job, ...]:
@@ -86,7 +84,6 @@ class Jobs:
             if self._worker is None:
                 self._worker = threading.Thread(target=self._work, name="selector-jobs", daemon=True)
                 self._worker.start()
-            self.ticks += 1
             self._lock.notify_all()
         return job
 
@@ -112,7 +109,6 @@ class Jobs:
 
     def _change(self, number: int, **changes: object) -> Job:
         self._jobs[number] = replace(self._jobs[number], **changes)  # type: ignore[arg-type]
-        self.ticks += 1
         self._lock.notify_all()
         return self._jobs[number]
 

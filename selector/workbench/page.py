@@ -66,7 +66,7 @@ def _frame(bench: Bench) -> Component:
     ]
     unseen = [
         dcc.Store(id=parts.REVISION, data=bench.revision),
-        *(dcc.Store(id=name, data=-1) for name in ("look", "tick", _NOTICED)),
+        *(dcc.Store(id=name, data=-1) for name in ("look", _NOTICED)),
         *(dcc.Store(id=name, data="") for name in (parts.AWAITED, "lacking")),
     ]
     head = [
@@ -101,42 +101,27 @@ def _register(app: dash.Dash, bench: Bench) -> None:
     app.clientside_callback(ClientsideFunction("workbench", "awaits"), Input(parts.AWAITED, "data"))
 
     # no Outputs: what hears of the revision would wait for this call, and be dropped where it changes nothing
-    @app.callback(
-        Input("look", "data"), State(parts.REVISION, "data"), State("tick", "data"), prevent_initial_call=True
-    )
-    def _look(_: int | None, revision: int, tick: int) -> None:
+    @app.callback(Input("look", "data"), State(parts.REVISION, "data"), prevent_initial_call=True)
+    def _look(_: int | None, revision: int) -> None:
         if bench.revision != revision:
             parts.tell(bench)
-        if (now := 2 * bench.jobs.ticks + bench.is_reading) != tick:
-            dash.set_props("tick", {"data": now})
-            dash.set_props("status", {"children": _status(bench)})
-
-    @app.callback(Input({"type": "cancel", "job": dash.ALL}, "n_clicks"), prevent_initial_call=True)
-    def _cancel(clicks: list[int | None]) -> None:
-        if any(clicks) and isinstance(number := dash.ctx.triggered_id["job"], int):
-            bench.jobs.cancel(number)
 
     @app.callback(Output("saved", "children"), Input("save", "n_clicks"), prevent_initial_call=True)
     def _save(_: int) -> str:
         return f"{bench.save().name} written {datetime.datetime.now():%H:%M:%S}"
 
 
-def _status(bench: Bench) -> list[Component]:
-    """What is being done now, how far it is, and what waits."""
+def _status(bench: Bench) -> dict[str, Any]:
+    """What is being done now, how far it is, the number of its job, and what waits."""
     if bench.is_reading:
-        return [html.Span("Reading recordings …"), html.Progress()]
+        return {"said": "Reading recordings …", "is_working": True}
     job = bench.jobs.current
     if job is None:
         last = bench.jobs.all[-1] if bench.jobs.all else None
-        return [html.Span("Ready." if last is None else f"{last.title}: {last.state}.")]
+        return {"said": "Ready." if last is None else f"{last.title}: {last.state}."}
     waiting = sum(not one.is_over for one in bench.jobs.all) - 1
-    known: dict[str, Any] = {} if job.share is None else {"value": f"{job.share:.4f}"}
-    return [
-        html.Span(f"{job.title}: {job.doing or job.state}"),
-        html.Progress(max="1", **known),
-        html.Button("Cancel", id={"type": "cancel", "job": job.number}),
-        html.Span(f"{waiting} waiting" if waiting else "", className="about"),
-    ]
+    more = {"job": job.number, "waiting": f"{waiting} waiting" if waiting else ""}
+    return {"said": f"{job.title}: {job.doing or job.state}", "is_working": True, "share": job.share, **more}
 
 
 def _said(bench: Bench, error: Exception) -> None:
@@ -149,7 +134,12 @@ def _said(bench: Bench, error: Exception) -> None:
 
 
 def _add_routes(server: flask.Flask, bench: Bench) -> None:
-    server.add_url_rule("/beat", "beat", lambda: f"{bench.revision} {bench.jobs.ticks} {bench.is_reading}")
+    server.add_url_rule("/beat", "beat", lambda: {"revision": bench.revision, "status": _status(bench)})
+
+    @server.post("/cancel/<int:number>")
+    def _cancel(number: int) -> flask.Response:
+        bench.jobs.cancel(number)
+        return flask.Response(status=204)
 
     @server.get("/command/<name>")
     def _command(name: str) -> flask.Response:

@@ -91,16 +91,40 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
   // the server looks at the bench at once, instead of after the next beat
   const look = () => window.dash_clientside.set_props("look", { data: Date.now() });
 
+  // what is done now; in place, so that Cancel keeps the focus while the work goes on
+  let drawn = null, parts = null;
+  function status(now) {
+    if (JSON.stringify(now) === JSON.stringify(drawn)) return;
+    const { said, is_working, share, job, waiting } = now;
+    if (!parts || drawn.is_working !== is_working || drawn.job !== job) {
+      const made = (kind, of = {}) => Object.assign(document.createElement(kind), of);
+      const cancel = made("button", { textContent: "Cancel" });
+      const body = { method: "POST", headers: { "Content-Type": "application/json" }, body: "{}" };
+      cancel.addEventListener("click", () => fetch(`/cancel/${job}`, body));
+      parts = [made("span"), made("progress", { max: 1 }), cancel, made("span", { className: "about" })];
+      const shown = [true, is_working, job !== undefined, job !== undefined];
+      document.getElementById("status").replaceChildren(...parts.filter((_, k) => shown[k]));
+    }
+    parts[0].textContent = said;
+    if (typeof share === "number") parts[1].value = share;
+    else parts[1].removeAttribute("value");
+    parts[3].textContent = waiting || "";
+    drawn = now;
+  }
+
   // Whatever is set in the page, all of its parts are asked whether that changes them: a beat goes there when the bench
   // has become another one, and now and then, since an answer may be lost
   let known = null, beats = 0;
   const beat = async () => {
-    const answer = await fetch("/beat").catch(() => null);
-    const now = answer && answer.ok ? await answer.text() : known;
+    const answer = await fetch("/beat").then((one) => (one.ok ? one.json() : null)).catch(() => null);
     beats += 1;
-    if (document.getElementById("workbench") && (now !== known || beats % 15 === 0)) {
-      known = now;
-      look();
+    if (document.getElementById("workbench")) {
+      if (answer) status(answer.status);
+      const now = answer ? answer.revision : known;
+      if (now !== known || beats % 15 === 0) {
+        known = now;
+        look();
+      }
     }
     setTimeout(beat, 700);
   };
