@@ -96,7 +96,7 @@ def same_dimension(unit: str, other: str) -> bool:
         # pint calls rpm an angle per time and hertz a bare rate; a tachometer makes no such difference
         return unit == other or "rpm" in (unit, other) or "Hz" not in (unit, other)
     return bool(registry.Unit(unit).dimensionality == registry.Unit(other).dimensionality) and (
-        (unit in rotation) == (other in rotation)
+        (unit in rotation) == (other in rotation) or {unit, other} == {"Hz", "kHz"}
     )
 
 

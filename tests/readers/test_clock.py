@@ -7,6 +7,7 @@ import pytest
 from selector.errors import ReadError
 from selector.readers import Overrides, read
 from selector.readers.machine_file import machine_from_text
+from selector.readers.roles.names import name_and_unit
 
 
 def run(stamps: list[str], name: str = "Time", separator: str = ";") -> str:
@@ -123,9 +124,18 @@ def test_several_dates_settle_their_order(reads, times, stamps, start):
 
 @pytest.mark.parametrize(("unit", "factor"), [("s", 1), ("ms", 1e-3), ("min", 60), ("h", 3600), ("d", 86400)])
 def test_units_of_time(reads, unit, factor):
-    for name in (f"t [{unit}]", f"Time ({unit})", f"Zeit/{unit}", f"t_{unit}"):
+    named = (f"t [{unit}]", f"Time ({unit})", f"Zeit/{unit}", f"t_{unit}", f"t {unit}", f"Elapsed time {unit}")
+    for name in (*named, f"Время_{unit}", *(["Time(min.)"] if unit == "min" else [])):
         seconds = reads(run(["10", "20", "30"], name)).recording.time_s("r1")
         assert np.allclose(seconds, np.array([0, 10, 20]) * factor, rtol=1e-15)
+
+
+def test_the_last_word_is_a_unit_of_time_behind_a_time_only():
+    assert [name_and_unit(name) for name in ("time min", "Zeit std.", "время ч")] == [
+        ("time", "min"), ("Zeit", "std."), ("время", "ч"),
+    ]  # fmt: skip
+    for name in ("Load min", "T min", "Time stamp", "Temps C"):
+        assert name_and_unit(name) == (name, None)
 
 
 def test_a_missing_unit_of_time_is_told_and_can_be_given(reads, times, ids):

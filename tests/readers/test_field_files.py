@@ -11,6 +11,7 @@ from scipy.io import savemat
 from typer.testing import CliRunner
 
 from selector.cli import app
+from selector.errors import UnitError
 from selector.readers import read
 from selector.units import CANONICAL_UNITS, convert, parse_unit, unit_for_role
 
@@ -114,6 +115,26 @@ def test_a_unit_that_was_understood_is_understood_again():
     for unit in CANONICAL_UNITS.values():
         assert parse_unit(unit) is not None
     assert unit_for_role(unit_for_role("in/min", "feed_rate", where="F"), "feed_rate", where="F") == "inch/min"
+
+
+@pytest.mark.parametrize(
+    ("written", "role", "canonical"),
+    [
+        ("kHz", "frequency", 1e3), ("rev/s", "spindle_speed", 60.0), ("um/s", "feed_rate", 0.06), ("kA", "current", 1e3),
+        ("kV", "voltage", 1e3), ("kgf", "force", 9.80665), ("daN", "force", 10.0), ("g0", "acceleration", 9.80665),
+        ("l/s", "flow", 1e-3), ("ml/min", "flow", 1e-6 / 60), ("lpm", "flow", 1e-3 / 60), ("m3/min", "flow", 1 / 60),
+        ("gpm", "flow", 231 * 0.0254**3 / 60),
+    ],
+)  # fmt: skip
+def test_units_of_a_role(written, role, canonical):
+    unit = unit_for_role(written, role, where="F")
+    # the constants are exact; six roundings of a conversion
+    assert convert(np.ones(1), unit, CANONICAL_UNITS[role]) == pytest.approx(canonical, rel=6 * 2.2e-16)
+
+
+def test_kilohertz_are_no_spindle_speed():
+    with pytest.raises(UnitError, match="does not fit role 'spindle_speed'"):
+        unit_for_role("kHz", "spindle_speed", where="F")
 
 
 def test_decimals_of_a_file_are_met_by_conversions():

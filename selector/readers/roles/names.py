@@ -30,6 +30,7 @@ _TRAILING = (
     ),
 )
 _SUFFIX = re.compile(r"^(?P<name>.+?)[_.](?P<unit>[A-Za-zµμ°]+(?:_per_[a-z]+|/[a-z]+)?)$")
+_LAST_WORD = re.compile(r"^(?P<name>t|..+)[\s_]+(?P<unit>[^\W\d_]+\.?)$")
 _NUMBERED = re.compile(r"\.\d{1,3}$")  #: What is put behind a name that stands twice.
 _SUFFIXES = (
     "um µm μm mm nm degc degf rpm celsius kelvin fahrenheit min sec secs seconds minutes hours ms mil thou inch hz kn "
@@ -53,11 +54,14 @@ def name_and_unit(header: str, *, time: bool = False) -> tuple[str, str | None]:
     With `time`, one-letter suffixes such as ``t_s`` count as units too.
     """
     text = unicodedata.normalize("NFKC", header).strip()
-    in_brackets = [(_without(text, match), match["unit"].strip()) for match in _BRACKETED.finditer(text)]
+    in_brackets = [
+        (f"{text[: match.start()].rstrip()} {text[match.end() :].lstrip()}".strip(), match["unit"].strip())
+        for match in _BRACKETED.finditer(text)
+    ]
     if in_brackets:
         # the name may have brackets of its own
         for name, unit in reversed(in_brackets):
-            if unit and unit not in ("1", "-") and not unit.isdigit() and _is_unit(unit):
+            if unit and unit not in ("1", "-") and not unit.isdigit() and parse_unit(unit):
                 return name or header, unit
         name, unit = in_brackets[-1]
         if unit in ("", "-"):
@@ -65,22 +69,17 @@ def name_and_unit(header: str, *, time: bool = False) -> tuple[str, str | None]:
         return header.strip(), None
     for pattern in _TRAILING:
         match = pattern.match(text)
-        if match is not None and not match["unit"].isdigit() and _is_unit(match["unit"]):
+        if match is not None and not match["unit"].isdigit() and parse_unit(match["unit"]):
             return match["name"].strip(" ,;") or header.strip(), match["unit"].strip()
+    match = _LAST_WORD.match(text)
+    if match is not None and is_time_name(match["name"]) and same_dimension(parse_unit(match["unit"]) or "1", "s"):
+        return match["name"], match["unit"]
     text, mark, number = text.rpartition(".") if _NUMBERED.search(text) else (text, "", "")
     match = _SUFFIX.match(text)
     if match is not None and _is_safe_suffix(match["name"], match["unit"], time):
         unit = _SLASH_WORDS.get(match["unit"].lower(), match["unit"])
         return f"{match['name'].strip()}{mark}{number}", unit
     return header.strip(), None
-
-
-def _without(text: str, match: re.Match[str]) -> str:
-    return f"{text[: match.start()].rstrip()} {text[match.end() :].lstrip()}".strip()
-
-
-def _is_unit(text: str) -> bool:
-    return parse_unit(text) is not None
 
 
 def _is_safe_suffix(name: str, suffix: str, time: bool) -> bool:
