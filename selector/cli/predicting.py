@@ -103,12 +103,11 @@ def _above_zero(part: str, text: str, where: str, expected: str) -> float:
     except ValueError:
         value = math.nan
     if not (math.isfinite(value) and value > 0):
-        advice = f"e.g. {where} {_EXAMPLES[where]}"
-        raise OptionError(f"{part.strip()!r} in {text[:60]!r}", expected=expected, where=where, advice=advice)
+        raise OptionError(f"{part.strip()!r} in {text[:60]!r}", expected=expected, where=where, advice=_EXAMPLES[where])
     return value
 
 
-_EXAMPLES = {"--operations": "60,60,45.5", "--tolerance": "10 or --tolerance 10,5,10"}
+_EXAMPLES = {"--operations": "e.g. --operations 60,60,45.5", "--tolerance": "e.g. --tolerance 10, or 10,5,10"}
 
 
 @with_source
@@ -163,13 +162,14 @@ def predict(
         day, of_day = day_readings(seen, reading.recording, wanted, asked.observe or ())
         wanted, of_cycle = (*wanted, *day.thermometers), (*of_cycle, *of_day)
     recording, responses, of_recording = heating_tests(reading, wanted)
-    foreseen = steps.temperatures(recording.with_role("ambient"))
+    halls = recording.with_role("ambient")
+    foreseen = steps.temperatures(halls)
     hall = AmbientCourse(steps.time_s, np.column_stack([*foreseen.values()]), tuple(foreseen)) if foreseen else None
     prediction = predicted(
         thermal_tests(recording, responses), responses, cyclogram, method=asked.method, hall=hall, start=asked.start,
         operations_s=lengths_s, tolerance_um=tolerances, find_order=asked.order, readings=day,
         resolution_s=None if asked.resolution is None else 60.0 * asked.resolution,
-        warm_up_s=60.0 * (asked.warm_up or 0.0), told=(*of_recording, *of_cycle),
+        warm_up_s=60.0 * (asked.warm_up or 0.0), told=(*of_recording, *of_cycle, *steps.ignored(foreseen, halls)),
         temperatures=[name for name in responses if name in recording.with_role("temperature")],
     )  # fmt: skip
     told_of_tests = {**provenance_of(reading), "duty cycle": steps.file}

@@ -348,9 +348,7 @@ def _copy(survey: Survey, run: str, i: int, j: int) -> tuple[float, float] | Non
         return None
     # two sensors at one place round differently; a copy changes with its original
     moves = np.corrcoef(np.diff(x), np.diff(y))[0, 1] if min(np.ptp(np.diff(x)), np.ptp(np.diff(y))) > 0 else 0.0
-    if abs(moves) < 0.9:
-        return None
-    return gain, offset
+    return (gain, offset) if abs(moves) >= 0.9 else None
 
 
 def _differing(survey: Survey, relations: Relations) -> Array:

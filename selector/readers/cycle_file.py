@@ -5,7 +5,7 @@ no units that nobody said.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -62,6 +62,13 @@ class CycleFile:
             ]
             found[name] = convert(np.array(values), unit, "degC")
         return found
+
+    def ignored(self, used: Collection[str], names: Sequence[str]) -> tuple[Finding, ...]:
+        """What is told of further columns of numbers, where `used` are those with `names`, the halls of the tests."""
+        others = [one for one in self.others if not {one.strip(), name_and_unit(one)[0]} & {*used}]
+        left = [repr(one) for one in others if re.match(r"\s*[-+−]?\d", self.others[one][0])]
+        told = f"Not used of {self.file}: {', '.join(left[:5])}; ambient channels of the tests: "
+        return (FINDINGS.finding("cycle-columns-ignored", f"{told}{', '.join(names) or 'none'}."),) if left else ()
 
 
 def read_cycle(path: Path) -> CycleFile:
@@ -138,8 +145,6 @@ def _is_speed(name: str, unit: str | None) -> bool:
 def _check(time: Vector, speed: Vector, lines: Sequence[int], name: str) -> None:
     for i, line in enumerate(lines):
         where = f"{name}, line {line}"
-        if time[i] < 0:
-            raise refused(f"time {time[i]:g} s", "times from 0 on", where, "count the time from the start of the cycle")
         if i == 0 and time[0] != 0:
             raise refused(
                 f"a first time of {time[0]:g} s", "a first row at time 0", where,

@@ -199,6 +199,31 @@ def test_ways_of_writing_a_cycle(capfd, tmp_path, text):
     assert peak == pytest.approx(true, abs=0.3)
 
 
+@pytest.mark.parametrize(
+    ("column", "told"), [("hall", ["'hall'", "ambient channels of the tests: t16"]), ("t16", None), ("note", None)]
+)
+def test_a_hall_under_another_name_than_in_the_tests_is_told(capfd, tmp_path, column, told):
+    cell = "warm up" if column == "note" else "25"
+    path = tmp_path / "cycle.csv"
+    path.write_text(f"time_s,spindle_speed,{column}\n0,2500,{cell}\n3600,0,{cell}\n", encoding="utf-8")
+    folder = FIXTURES.parent / "spindle46"
+    code, out, err = run(
+        capfd,
+        folder / "tests.parquet",
+        "--machine",
+        folder / "machine.toml",
+        "--cycle",
+        path,
+        "--response",
+        "Z",
+        "--json",
+    )
+    assert code == 0, err
+    found = [one["statement"] for one in json.loads(out)["findings"] if one["id"] == "cycle-columns-ignored"]
+    assert len(found) == (told is not None)
+    assert all(word in found[0] for word in told or ())
+
+
 GOOD = "time_s,spindle_speed\n0,1000\n3600,0\n7200,0\n"
 
 

@@ -92,9 +92,7 @@ def stable_factors(crossings: tuple[Crossing, ...], growing: int) -> tuple[float
         between[number - 1] = between[number] - crossings[number - 1].grow
     ends: list[float | None] = [None, *factors, None]
     ranges = [(ends[i], ends[i + 1]) for i, count in enumerate(between) if count <= 0]
-    if not ranges:
-        return None, 0.0
-    return min(ranges, key=_distance)
+    return min(ranges, key=_distance, default=(None, 0.0))
 
 
 def _distance(ends: tuple[float | None, float | None]) -> float:
