@@ -61,9 +61,9 @@ def parse_unit(text: str) -> str | None:
     """
     folded = unicodedata.normalize("NFKC", text.strip().strip("[](){}")).strip()
     # NFKC turns MICRO SIGN into GREEK MU and RING ABOVE variants are common in GBK files.
-    folded = folded.replace("º", "°").replace("˚", "°").replace("℃", "°C").replace("℉", "°F")
+    folded = folded.replace("º", "°").replace("˚", "°").replace("℃", "°C").replace("℉", "°F").replace(" ", "")
     # what was understood once is understood again, in the file that it is written to
-    return _SPELLINGS.get(folded.replace(" ", "").lower(), text if text in _PINT_NAMES else None)
+    return _SPELLINGS.get(folded) or _SPELLINGS.get(folded.lower(), text if text in _PINT_NAMES else None)
 
 
 def unit_for_role(unit: str, role: str, *, where: str) -> str:
@@ -110,10 +110,8 @@ def convert(values: Array, unit: str, to: str) -> Array:
     array = np.asarray(values, dtype=np.float64)
     if unit == to:
         return array
-    if unit == "Hz" and to == "rpm":
-        return array * 60.0
-    if unit == "rpm" and to == "Hz":
-        return array / 60.0
+    if {unit, to} == {"Hz", "rpm"}:
+        return array * 60.0 if to == "rpm" else array / 60.0
     if not same_dimension(unit, to):
         raise UnitError(
             f"{unit} cannot be converted to {to}", expected=f"a unit with the dimension of {to}",

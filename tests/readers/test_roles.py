@@ -41,6 +41,13 @@ WARM = np.linspace(20, 30, 50)
         ("Vorschub mm/min", "feed_rate", "mm/min", None),
         ("coolant_on", "state", "1", None),
         ("F_z [kN]", "force", "kN", "Z"),
+        ("force kN", "force", "kN", None),
+        ("spindle_speed Hz", "spindle_speed", "Hz", None),
+        ("Temp1 Fahrenheit", "temperature", "degF", None),
+        ("Y micron", "displacement", "um", "Y"),
+        ("X position inch", "position", "inch", "X"),
+        ("acceleration mm/s²", "acceleration", "mm/s^2", None),
+        ("current mA", "current", "mA", None),
         ("motor current [A]", "current", "A", None),
         ("v [m/s]", "velocity", "m/s", None),
         ("Spindellager vorne (Öl) [°C]", "temperature", "degC", None),
@@ -76,6 +83,13 @@ def test_a_spindle_that_mostly_stands_is_no_thermometer(name):
     assert role_guess(name, None, speeds).role == "spindle_speed"
     warm = np.append(WARM, 850.0)  # a break code among them
     assert role_guess(name, None, warm).role == "temperature"
+
+
+@pytest.mark.parametrize("header", ["Torque [Nm]", "TORQUE (NM)", "Motor torque_Nm", "Moment, N·m"])
+def test_a_torque_is_no_displacement_in_nanometres(header):
+    name, written = name_and_unit(header)
+    assert (written is not None, role_guess(name, known_unit(written), WARM).role) == (True, None)
+    assert role_guess(*name_and_unit("Z1 [nm]"), WARM).role == "displacement"
 
 
 @pytest.mark.parametrize("name", ["qg", "uEst", "Channel 1", "foo"])
