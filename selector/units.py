@@ -91,7 +91,7 @@ def unit_for_role(unit: str, role: str, *, where: str) -> str:
 def same_dimension(unit: str, other: str) -> bool:
     """Whether one unit can be converted to the other."""
     registry = _registry()
-    rotation = {"rpm", "Hz", "rad/s", "revolution/s"}
+    rotation = {"rpm", "Hz", "rad/s", "revolution/s", "krpm"}
     if unit in rotation and other in rotation:
         # pint calls rpm an angle per time and hertz a bare rate; a tachometer makes no such difference
         return unit == other or "rpm" in (unit, other) or "Hz" not in (unit, other)

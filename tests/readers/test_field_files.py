@@ -120,9 +120,9 @@ def test_a_unit_that_was_understood_is_understood_again():
 @pytest.mark.parametrize(
     ("written", "role", "canonical"),
     [
-        ("kHz", "frequency", 1e3), ("rev/s", "spindle_speed", 60.0), ("um/s", "feed_rate", 0.06),
-        ("kA", "current", 1e3), ("kV", "voltage", 1e3), ("kgf", "force", 9.80665),
-        ("daN", "force", 10.0), ("g0", "acceleration", 9.80665),
+        ("kHz", "frequency", 1e3), ("rev/s", "spindle_speed", 60.0), ("kRPM", "spindle_speed", 1e3),
+        ("um/s", "feed_rate", 0.06), ("kA", "current", 1e3), ("kV", "voltage", 1e3), ("g0", "acceleration", 9.80665),
+        ("kgf", "force", 9.80665), ("daN", "force", 10.0),
         ("l/s", "flow", 1e-3), ("ml/min", "flow", 1e-6 / 60), ("lpm", "flow", 1e-3 / 60), ("m3/min", "flow", 1 / 60),
         ("gpm", "flow", 231 * 0.0254**3 / 60),
     ],

@@ -43,6 +43,7 @@ WARM = np.linspace(20, 30, 50)
         ("F_z [kN]", "force", "kN", "Z"),
         ("force kN", "force", "kN", None),
         ("spindle_speed Hz", "spindle_speed", "Hz", None),
+        ("spindle speed kRPM", "spindle_speed", "krpm", None),
         ("Temp1 Fahrenheit", "temperature", "degF", None),
         ("Y micron", "displacement", "um", "Y"),
         ("X position inch", "position", "inch", "X"),

@@ -27,7 +27,7 @@ _TRAILING = (
     re.compile(
         r"^(?P<name>.+?)\s+(?P<unit>[°º˚℃℉µμ%]\S*|[Uu]/min|1/min|r/min|об/мин|"
         r"мкм|мм|mm|um|rpm|degC|degF|min-1|[Dd]eg ?[CF]|[Cc]elsius|[Ff]ahrenheit|[Kk]elvin|inch|mil|thou|[Mm]icrons?|"
-        r"k?Hz|rps|kN|kgf|daN|Nm|m[AV]|k[AV]|m?m/s\^?2)$"
+        r"k?Hz|rps|k[Rr][Pp][Mm]|kN|kgf|daN|Nm|m[AV]|k[AV]|m?m/s\^?2)$"
     ),
 )
 _SUFFIX = re.compile(r"^(?P<name>.+?)[_.](?P<unit>[A-Za-zµμ°]+(?:_per_[a-z]+|/[a-z]+)?)$")
