@@ -7,7 +7,7 @@ are published is said for those that are missing. RESULTS receives a file a case
 table.json; what is there already is not asked again (`--again` does). `--check` builds the cases and shows what was
 read, without asking anything, `--list` shows what is declared of them. The half that is set apart by lot (`--lot` shows
 it) is asked once, when the method stands: with `--final`; so are the third set and the halves of the fourth,
-fifth, sixth and seventh.
+fifth, sixth, seventh and eighth.
 `--seeds 5` asks the chosen cases five times more, with white noise of their own size on the compared channels, and
 tells where names or verdict change (seeds.txt).
 """
@@ -35,7 +35,7 @@ from benchmarks.real.sources import EVERY, SENTENCE, SHIPPED, Half, halves
 SEED = 0
 _ONCE: tuple[Half, ...] = (
     "apart", "third", "fourth", "fourth-apart", "fifth", "fifth-apart", "sixth", "sixth-apart",
-    "seventh", "seventh-apart",
+    "seventh", "seventh-apart", "eighth", "eighth-apart",
 )  # fmt: skip
 
 

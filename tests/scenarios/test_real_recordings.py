@@ -20,7 +20,7 @@ from benchmarks.real.cut import CUTS
 from benchmarks.real.cut import written as cut_files
 from benchmarks.real.rigs import CASES
 from benchmarks.real.score import judged, sums, text_of
-from benchmarks.real.sources import EVERY, FIFTH, FOURTH, KNOWN, SECOND, SEVENTH, SIXTH, THIRD, halves
+from benchmarks.real.sources import EIGHTH, EVERY, FIFTH, FOURTH, KNOWN, SECOND, SEVENTH, SIXTH, THIRD, halves
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.recording import Channel
@@ -35,6 +35,7 @@ FOURTH_APART = {
 FIFTH_APART = {"made_spring", "motor_kit", "hung_payload", "straw_house", "two_rooms", "water_cup"}
 SIXTH_APART = {"hot_phone", "resonant_circuit", "winder", "speed_servo", "passive_house"}
 SEVENTH_APART = {"double_pendulum", "two_capacitors", "direct_drive", "hot_water", "solar_plant"}
+EIGHTH_APART = {"shaking_table", "magnet", "glass_furnace", "twisted_string", "heated_box", "brick_wall"}
 VERDICTS = {"missing-physics", "nothing-missing", "data-fault", "miscalibrated", "unexplained"}
 DRAW = np.random.default_rng(0)
 
@@ -57,6 +58,8 @@ def test_the_lot_is_the_one_that_was_drawn_before_anything_was_run():
     assert {rig for rig, half in half_of.items() if half == "sixth"} == {one.rig for one in SIXTH} - SIXTH_APART
     assert {rig for rig, half in half_of.items() if half == "seventh-apart"} == SEVENTH_APART
     assert {rig for rig, half in half_of.items() if half == "seventh"} == {one.rig for one in SEVENTH} - SEVENTH_APART
+    assert {rig for rig, half in half_of.items() if half == "eighth-apart"} == EIGHTH_APART
+    assert {rig for rig, half in half_of.items() if half == "eighth"} == {one.rig for one in EIGHTH} - EIGHTH_APART
 
 
 def test_a_clone_without_the_commit_is_told(tmp_path):
@@ -84,7 +87,8 @@ def test_there_are_enough_rigs_on_both_sides_of_the_lot():
     least = (("development", 24, 5, 12), ("apart", 15, 5, 8), ("second", 15, 8, 8), ("third", 22, 10, 12),
              ("fourth", 10, 4, 7), ("fourth-apart", 10, 6, 7),
              ("fifth", 11, 5, 6), ("fifth-apart", 13, 5, 6), ("sixth", 11, 4, 7), ("sixth-apart", 8, 4, 5),
-             ("seventh", 9, 4, 6), ("seventh-apart", 10, 4, 5))  # fmt: skip
+             ("seventh", 9, 4, 6), ("seventh-apart", 10, 4, 5),
+             ("eighth", 9, 5, 6), ("eighth-apart", 9, 4, 6))  # fmt: skip
     for half, positives, controls, rigs in least:
         of = [one for one in CASES if half_of[one.rig] == half]
         assert sum(one.kind == "positive" for one in of) >= positives
@@ -201,6 +205,21 @@ def bridge(folder: Path) -> Path:
                 archive.writestr(f"Settlements/{name}.csv", table.to_csv(index=False))
     written(folder, "LICENSE", "MIT License\n\nCopyright (c) 2022 imcs-compsim\n")
     return folder
+
+
+def test_a_row_of_the_oven_with_a_wrong_time_stamp_is_left_out(tmp_path):
+    rows = 100
+    seconds = 12.0 * np.arange(rows)
+    seconds[60] -= 500.0
+    warm = 20.0 + 0.01 * seconds
+    warm[60] = 300.0
+    names = [*map(str, range(1, 16)), "Oven_Mon", "RT1", "RT2"]
+    table = pd.DataFrame(dict.fromkeys(names, warm) | {"Time_(s)": seconds})
+    written(tmp_path, "ovenData.csv", table.to_csv(index=False))
+    recording, simulation, _ = case("loaded_oven/neighbours").build(tmp_path)
+    assert recording.time_s("bake").tolist() == (12.0 * np.arange(rows - 1)).tolist()
+    assert recording.values("bake", ("T",)).max() == warm[-1]
+    np.testing.assert_allclose(simulation.values("bake", ("T",)), recording.values("bake", ("T",)), rtol=1e-9)
 
 
 def test_strains_and_forces_are_counted_not_stamped(tmp_path):

@@ -11,6 +11,7 @@ from benchmarks.real.rigs import (
     bridge,
     cart_pendulum,
     cart_rail,
+    eighth,
     f16,
     fifth,
     fourth,
@@ -63,5 +64,5 @@ _RIGS = (
 
 CASES: tuple[RealCase, ...] = (
     *(case for rig in _RIGS for case in rig.CASES), *second.CASES, *third.CASES, *fourth.CASES,
-    *fifth.CASES, *sixth.CASES, *seventh.CASES,
+    *fifth.CASES, *sixth.CASES, *seventh.CASES, *eighth.CASES,
 )  # fmt: skip
