@@ -344,12 +344,10 @@ def _selected_by_size(benches: Benches, given: _Given) -> tuple[Named, Named]:
             break
         best = max(supported, key=lambda one: one.score)
         worth = _worth(benches, named, best.chosen, best.main, given.times)
-        if worth:
-            # beside it what was refused may add enough
-            named, refused = {**named, best.id: worth}, {}
-        else:
-            refused[best.id] = best.chosen
-            tried += 1
+        named = {**named, best.id: worth} if worth else named
+        # beside it what was refused may add enough
+        refused = {} if worth else {**refused, best.id: best.chosen}
+        tried += not worth
     return named, refused
 
 
