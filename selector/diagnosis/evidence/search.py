@@ -63,9 +63,9 @@ class Standing:
         return tail_probability(self.score, self.noise)
 
     def shows_in(self, responses: Iterable[str], false_alarm: float = 0.02) -> bool:
-        """Whether noise makes as much of any of the effects in these responses alone no oftener than `false_alarm`."""
-        score = float(together([self.tested[name].evidence for name in responses]))
-        return tail_probability(score, self.noise) <= false_alarm
+        """Whether noise makes as much of any effect in these responses alone no oftener than `false_alarm`."""
+        score = together([self.tested[name].evidence for name in responses])
+        return tail_probability(float(score), self.noise) <= false_alarm
 
     @property
     def chosen(self) -> dict[str, int]:
@@ -354,10 +354,9 @@ def _selected_by_size(benches: Benches, given: _Given) -> tuple[Named, Named]:
 def _without_small(benches: Benches, named: Named, small: Named, times: Mapping[str, float]) -> tuple[Named, Named]:
     """Without names that those found after them have taken the mismatch from."""
     for id_, of in list(named.items()):
-        others = without(named, id_)
-        worth = _worth(benches, others, of, max(of, key=lambda name: times[name]), times)
-        named = {**others, id_: worth} if worth else others
-        small = small if worth else {**small, id_: of}
+        others, main = without(named, id_), max(of, key=lambda name: times[name])
+        worth = _worth(benches, others, of, main, times)
+        named, small = ({**others, id_: worth}, small) if worth else (others, {**small, id_: of})
     return named, small
 
 

@@ -78,9 +78,10 @@ def _is_little_force(comparison: Comparison, found: Search, effect: NamedEffect)
         if own is not None:
             given = passed(comparison, name, own)[0]
             return rms(effect.courses[name][fitted]) < _OF_FORCE * rms(given[fitted])
-        is_kept = name == effect.channel and effect.id in _OF_LOOP and _kept_at(comparison, name) is not None
-        if is_kept and rms(effect.courses[name][fitted]) < _OF_FORCE * _movement(comparison, found, name):
-            return True
+        if name == effect.channel and effect.id in _OF_LOOP and _kept_at(comparison, name) is not None:
+            off = _movement(comparison, found, name) or np.nanstd(comparison.recorded[name][fitted])
+            if rms(effect.courses[name][fitted]) < _OF_FORCE * off:
+                return True
     return False
 
 
