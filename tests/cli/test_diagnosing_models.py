@@ -71,6 +71,7 @@ def test_the_improved_model_is_simulated_with_the_error_that_was_said(folder, ca
         (["--model", "missing.toml"], "cannot be opened"),
         (["--model", "machine.toml"], "no kind of model"),
         (["--model", "r0.csv"], "functional mock-up unit"),
+        (["--model", "without.toml", "--simulation-time-unit", "min"], "driven at the times of the recordings"),
     ],
 )
 def test_what_is_no_model_is_refused(folder, capsys, options, words):

@@ -59,6 +59,13 @@ def require_usable(asked: Asked) -> None:
     """Ends with an error when options contradict each other or are out of their limits."""
     both = asked.simulation and asked.model
     _require(not both, "--simulation and --model", "one of them", "command line", "leave one out")
+    _require(
+        asked.simulation_time_unit is None or not asked.model,
+        "a unit of time beside a model, which is driven at the times of the recordings",
+        "simulated runs that it is of",
+        "--simulation-time-unit",
+        "leave it out",
+    )
     _require(0 <= asked.seed < 2**53, str(asked.seed), "a whole number from 0 below 2^53", "--seed", "e.g. --seed 0")
     _require(
         0.0 < asked.false_alarm <= 0.2,
