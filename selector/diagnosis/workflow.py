@@ -54,6 +54,7 @@ _LEAST_SURE, _QUARTER = 0.1, 0.25
 _MANY, _MANY_BESIDE_MISFIT = 3, 2
 _TOLD_BESIDE = 12.0  #: Nats that a name has to gain beside a switch.
 _NEARLY_ALL = 0.9  #: Of the mean square: all but a third of the error.
+_FARTHER = 1.5  #: Times the error of fitted rows: unseen ones that are farther off are not explained.
 #: What resonances of the simulation that are a little off look like.
 _LIKE_RESONANCES = ("vibration.mode", "vibration.back_reaction", "vibration.hardening", "vibration.hysteresis")
 _DOUBTFUL = 0.45  #: Weight below which an effect is no name where structure is left that nothing explains.
@@ -97,6 +98,9 @@ def _recalibrated_resonances(answer: Diagnosis, asked: "_Asked") -> Diagnosis | 
     if beside.verdict == "unexplained" or any(one.share > _MOST * share for one in beside.effects):
         return None
     alone = _staged(_State(comparison, replace(asked, effects=())))
+    if any(one.heldout.rmse_after > _FARTHER * one.train.rmse_after for one in alone.fit.values()):
+        # what is left where nothing was fitted is not little
+        return None
     found = replace(
         beside,
         verdict="miscalibrated",

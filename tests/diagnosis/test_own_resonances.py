@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -75,3 +77,12 @@ def test_a_resonance_that_is_lacking_is_named_beside_them(modes):
 def test_resonances_that_are_right_stay_where_they_are():
     comparison = shaken(SIMULATED)
     assert with_moved_resonances(comparison) is None
+
+
+def test_resonances_that_leave_the_unseen_run_far_off_are_not_the_whole_of_it():
+    """A chatter that the fitted runs do not have."""
+    comparison = shaken(LITTLE_OFF)
+    chatter = np.where(comparison.held_out, 0.15 * np.std(comparison.recorded["a"]), 0.0)
+    chatter = chatter * np.sin(2.0 * np.pi * 211.0 * comparison.time_s * (1.0 + 0.1 * comparison.time_s))
+    found = diagnosis(replace(comparison, recorded=comparison.recorded | {"a": comparison.recorded["a"] + chatter}))
+    assert found.verdict != "miscalibrated"
