@@ -98,8 +98,7 @@ def _recalibrated_resonances(answer: Diagnosis, asked: "_Asked") -> Diagnosis | 
     if beside.verdict == "unexplained" or any(one.share > _MOST * share for one in beside.effects):
         return None
     alone = _staged(_State(comparison, replace(asked, effects=())))
-    if any(one.heldout.rmse_after > _FARTHER * one.train.rmse_after for one in alone.fit.values()):
-        # what is left where nothing was fitted is not little
+    if any(_is_farther_off(comparison, alone.fit[name], name) for name in comparison.tangents):
         return None
     found = replace(
         beside,
@@ -111,6 +110,13 @@ def _recalibrated_resonances(answer: Diagnosis, asked: "_Asked") -> Diagnosis | 
         recalibration={**alone.recalibration, "model": resonances},
     )
     return replace(found, headline=headline(found))
+
+
+def _is_farther_off(comparison: Comparison, fit: Fit, name: str) -> bool:
+    """Whether unseen rows are much farther off than the fitted ones, in parts of how far the response moves in each."""
+    recorded, held = comparison.recorded[name], comparison.held_out
+    here, there = (float(np.nanstd(recorded[rows])) for rows in (~held, held))
+    return fit.heldout.rmse_after * here > _FARTHER * fit.train.rmse_after * there
 
 
 def _staged(state: "_State") -> Diagnosis:
@@ -374,7 +380,7 @@ def _named_clearly(state: _State) -> _State:
     stuck = tuple(effect for effect in state.effects if effect.id == "data.stuck")
     rest = [effect for effect in state.effects if effect not in stuck]
     # what unseen rows bear out is something, whatever it is
-    gaps = {name: state.search.closed.get(effect.id) for effect in rest for name in effect.courses}
+    gaps = {effect.channel: state.search.closed.get(effect.id) for effect in sorted(rest, key=lambda one: one.share)}
     borne = [name for name, gap in gaps.items() if gap is not None and gap.low is not None and gap.low >= _QUARTER]
     large = {name for name in borne if not size.is_small(state.comparison, state.search, name)}
     left = [one for one in doubts if one.channel in large]
@@ -409,7 +415,8 @@ def _named_by_transfer(state: _State) -> _State:
     named = replace(state, search=replace(found, closed=_closed(state, found)), switches={})
     for stage in (_recalibrated, _looked_at_what_is_left, _named, _named_clearly):
         named = stage(named)
-    return named if named.effects else state
+    gone = [effect for effect in state.effects if effect.id not in {one.id for one in named.effects}]
+    return replace(named, also=(*named.also, *naming.seen_only(gone))) if named.effects else state
 
 
 def _named_by_whole_record(state: _State) -> _State:
@@ -444,7 +451,7 @@ def _off_in_unseen(state: _State) -> _State:
     of_size = [
         one for one in (*state.refuted, *unlike) if not size.is_small(state.comparison, found, one.channel, one.size)
     ]
-    return replace(state, structures=of_size)
+    return _named_by_transfer(replace(state, structures=of_size))
 
 
 def _recalibration_holds(bench: Bench) -> bool:
@@ -536,7 +543,6 @@ _STAGES: tuple[Callable[[_State], _State], ...] = (
     _named_by_transfer,
     _named_by_whole_record,
     _off_in_unseen,
-    _named_by_transfer,
     _judged,
     _fitted,
 )

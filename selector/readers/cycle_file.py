@@ -66,8 +66,10 @@ class CycleFile:
     def ignored(self, used: Collection[str], names: Sequence[str]) -> tuple[Finding, ...]:
         """What is told of further columns of numbers, where `used` are those with `names`, the halls of the tests."""
         others = [one for one in self.others if not {one.strip(), name_and_unit(one)[0]} & {*used}]
-        left = [repr(one) for one in others if re.match(r"\s*[-+−]?\d", self.others[one][0])]
-        told = f"Not used of {self.file}: {', '.join(left[:5])}; ambient channels of the tests: "
+        cells = {one: [cell.strip() for cell in self.others[one] if cell.strip()] for one in others}
+        left = [repr(one) for one, of in cells.items() if of and all(re.fullmatch(r"[-+−]?[\d.,]+", it) for it in of)]
+        more = f" and {len(left) - 5} more" * (len(left) > 5)
+        told = f"Not used of {self.file}: {', '.join(left[:5])}{more}; ambient channels of the tests: "
         return (FINDINGS.finding("cycle-columns-ignored", f"{told}{', '.join(names) or 'none'}."),) if left else ()
 
 

@@ -12,23 +12,7 @@ from selector.controllers.writers.targets import Target
 from selector.figures.traces import replayed_run
 from selector.findings import Finding
 from selector.number_text import number_text
-from selector.telling.account import (
-    Account,
-    Block,
-    Captioned,
-    Drawing,
-    Form,
-    Heading,
-    Items,
-    Note,
-    Paragraph,
-    Section,
-    Table,
-    legend,
-    remarks_of,
-    steps,
-    table,
-)
+from selector.telling import account
 from selector.telling.model_card import STANDARD, card_blocks, formula_blocks, limits_table, sensors_table
 from selector.telling.numbers import share_text
 
@@ -44,34 +28,42 @@ def commissioning_account(
     replay: Replay | None,
     findings: Sequence[Finding],
     is_sign_verified: bool,
-) -> Account:
+) -> account.Account:
     """What is told to the person who puts a program on a control, to be printed and signed."""
     turned, tested = _turned(model), f"{name}:{equations_sha256(model)[:16]}"
     label = (
         f"Turned round in this program: {turned}. The correction is the displacement itself, as the control was found "
         "to count the axis the other way."
     )
-    return Account(
+    return account.Account(
         f"Thermal correction: {target.title}",
         (
-            *steps("commissioning.verified" if is_sign_verified else "commissioning.unverified", tested=tested),
-            legend("commissioning.no-replay") if replay is None else verdict_of(replay),
+            *account.steps("commissioning.verified" if is_sign_verified else "commissioning.unverified", tested=tested),
+            account.legend("commissioning.no-replay") if replay is None else verdict_of(replay),
         ),
         (
-            Section("sign", "Sign test", _sign_blocks(model, program.sign_test, target, tested, is_sign_verified)),
-            Section("install", "Installing", _install_blocks(program)),
-            Section("wiring", "Wiring of the sensors", _wiring_blocks(model, target), link="Wiring"),
+            account.Section(
+                "sign", "Sign test", _sign_blocks(model, program.sign_test, target, tested, is_sign_verified)
+            ),
+            account.Section("install", "Installing", _install_blocks(program)),
+            account.Section("wiring", "Wiring of the sensors", _wiring_blocks(model, target), link="Wiring"),
             *_touch_offs(model),
-            Section("limits", "Limits, faults and restarts", (_limits(model, target),), link="Limits and faults"),
-            Section("silently", "What the control does silently", (Items(program.silently or ("Nothing is known.",)),)),
-            Section("replay", "Replay", _replay_blocks(model, replay)),
-            *([Section("files", "Each file", (Captioned("", parts_table(replay)),))] if replay else []),
-            Section(
+            account.Section(
+                "limits", "Limits, faults and restarts", (_limits(model, target),), link="Limits and faults"
+            ),
+            account.Section(
+                "silently",
+                "What the control does silently",
+                (account.Items(program.silently or ("Nothing is known.",)),),
+            ),
+            account.Section("replay", "Replay", _replay_blocks(model, replay)),
+            *([account.Section("files", "Each file", (account.Captioned("", parts_table(replay)),))] if replay else []),
+            account.Section(
                 "card",
                 "Model card",
-                (Note(f"Headings after {STANDARD}."), *card_blocks(model, 3, has_guard=target.has_guard)),
+                (account.Note(f"Headings after {STANDARD}."), *card_blocks(model, 3, has_guard=target.has_guard)),
             ),
-            Section("findings", "Findings", (remarks_of(findings),)),
+            account.Section("findings", "Findings", (account.remarks_of(findings),)),
         ),
         about=model.name,
         label=label if turned else "",
@@ -84,12 +76,14 @@ def _turned(model: ModelFile) -> str:
     return ", ".join(output.name for output in model.outputs if is_turned(output))
 
 
-def _sign_blocks(model: ModelFile, test: SignTest, target: Target, tested: str, is_verified: bool) -> tuple[Block, ...]:
+def _sign_blocks(
+    model: ModelFile, test: SignTest, target: Target, tested: str, is_verified: bool
+) -> tuple[account.Block, ...]:
     too_quick = target.has_guard and any(item.rate_limit_per_min is not None for item in model.inputs)
-    told = steps("commissioning.sign", **vars(test))
+    told = account.steps("commissioning.sign", **vars(test))
     if not is_verified:
-        told += steps("commissioning.passed", tested=tested)
-    form = table(
+        told += account.steps("commissioning.passed", tested=tested)
+    form = account.table(
         ["output", "axis", "command", "wait", "the control shows", "the indicator has to read [µm]", "read [µm]",
          "right", "date, name"],
         [
@@ -99,52 +93,54 @@ def _sign_blocks(model: ModelFile, test: SignTest, target: Target, tested: str, 
         ],
     )  # fmt: skip
     return (
-        Paragraph(f"{test.by} For every axis, with the tool at rest, away from the workpiece:"),
-        Items(told, are_steps=True),
-        Form(form),
-        Paragraph(legend("commissioning.in-doubt") + (legend("commissioning.too-quick") if too_quick else "")),
+        account.Paragraph(f"{test.by} For every axis, with the tool at rest, away from the workpiece:"),
+        account.Items(told, are_steps=True),
+        account.Form(form),
+        account.Paragraph(
+            account.legend("commissioning.in-doubt") + (account.legend("commissioning.too-quick") if too_quick else "")
+        ),
     )
 
 
-def _install_blocks(program: Exported) -> tuple[Block, ...]:
+def _install_blocks(program: Exported) -> tuple[account.Block, ...]:
     files = "Files: " + ", ".join(f"`{file}`" for file in program.files) + ". This is not a safety function."
-    return Paragraph(files), Items(tuple(f"☐ {step}" for step in program.install), are_steps=True)
+    return account.Paragraph(files), account.Items(tuple(f"☐ {step}" for step in program.install), are_steps=True)
 
 
-def _wiring_blocks(model: ModelFile, target: Target) -> tuple[Block, ...]:
+def _wiring_blocks(model: ModelFile, target: Target) -> tuple[account.Block, ...]:
     turned = _turned(model)
     but = f", but of {turned} the displacement itself" if turned else ""
     return (
-        Captioned("", sensors_table(model, has_guard=target.has_guard), on_screen=False),
-        Heading("Formula", 3),
+        account.Captioned("", sensors_table(model, has_guard=target.has_guard), on_screen=False),
+        account.Heading("Formula", 3),
         *formula_blocks(model),
-        Paragraph(f"These are displacements. The correction is their negative{but}."),
+        account.Paragraph(f"These are displacements. The correction is their negative{but}."),
     )
 
 
-def _touch_offs(model: ModelFile) -> tuple[Section, ...]:
+def _touch_offs(model: ModelFile) -> tuple[account.Section, ...]:
     """How the machine keeps the model true; none where nothing is adapted."""
     if model.adaptation is None:
         return ()
     names = [output.name for output in model.outputs]
     inputs = ", ".join(f"`touch_um_{names.index(of.output) + 1}` ({of.output})" for of in model.adaptation.outputs)
-    told = steps("commissioning.touch-offs", inputs=inputs)
-    return (Section("touch-offs", "Touch-offs", (Items(told, are_steps=True),)),)
+    told = account.steps("commissioning.touch-offs", inputs=inputs)
+    return (account.Section("touch-offs", "Touch-offs", (account.Items(told, are_steps=True),)),)
 
 
-def _limits(model: ModelFile, target: Target) -> Block:
+def _limits(model: ModelFile, target: Target) -> account.Block:
     if target.has_guard:
-        return Captioned("", limits_table(model), on_screen=False)
-    return Paragraph(legend("commissioning.no-limits"))
+        return account.Captioned("", limits_table(model), on_screen=False)
+    return account.Paragraph(account.legend("commissioning.no-limits"))
 
 
-def _replay_blocks(model: ModelFile, replay: Replay | None) -> tuple[Block, ...]:
+def _replay_blocks(model: ModelFile, replay: Replay | None) -> tuple[account.Block, ...]:
     if replay is None:
-        return (Paragraph(legend("commissioning.to-replay")),)
+        return (account.Paragraph(account.legend("commissioning.to-replay")),)
     return (
-        Paragraph(verdict_of(replay)),
-        Captioned("", replay_table(replay)),
-        *(Captioned("Faults rehearsed", rehearsal_table(replay)) for _ in replay.rehearsal[:1]),
+        account.Paragraph(verdict_of(replay)),
+        account.Captioned("", replay_table(replay)),
+        *(account.Captioned("Faults rehearsed", rehearsal_table(replay)) for _ in replay.rehearsal[:1]),
         *_courses(model, replay),
     )
 
@@ -173,7 +169,7 @@ def _beginnings(replay: Replay) -> list[str]:
     ]
 
 
-def replay_table(replay: Replay) -> Table:
+def replay_table(replay: Replay) -> account.Table:
     """One row per run and output."""
     rows = []
     for run in replay.runs:
@@ -181,36 +177,36 @@ def replay_table(replay: Replay) -> Table:
             alone = run.applied[name].rmse_um if name in run.applied else None
             errors = (run.max_abs_difference_um, of.before_rmse_um, alone, of.rmse_um, of.max_um)
             rows.append((run.run, name, str(len(run.time_s)), *errors, share_text(run.faulty_share)))
-    return table(
+    return account.table(
         ["run", "output", ">samples", ">program − reference [µm]", ">without correction: rms [µm]",
          ">apply: rms [µm]", ">with correction: rms [µm]", ">with correction: largest [µm]", ">not the whole model"],
         rows,
-        " ".join([legend("commissioning.before-and-after"), *_beginnings(replay)]),
+        " ".join([account.legend("commissioning.before-and-after"), *_beginnings(replay)]),
     )  # fmt: skip
 
 
-def parts_table(replay: Replay) -> Table:
+def parts_table(replay: Replay) -> account.Table:
     """One row per written file and output."""
     rows = []
     for part in replay.parts:
         smaller_guard = part.guard_difference_um if part.lacks else 0.0
         differences = (part.max_abs_difference_um, part.allowed_um, smaller_guard)
         rows.append((part.file, part.output, *differences, part.executed_by))
-    return table(
+    return account.table(
         ["file", "output", ">largest difference [µm]", ">allowed [µm]", ">smaller guard [µm]", "executed by"],
         rows,
-        legend("commissioning.differences"),
+        account.legend("commissioning.differences"),
     )
 
 
-def rehearsal_table(replay: Replay) -> Table:
+def rehearsal_table(replay: Replay) -> account.Table:
     """One row per rehearsed fault and output."""
     first, rows = replay.rehearsal[0], []
     for one in replay.rehearsal:
         errors = (one.healthy_rmse_um, one.left.rmse_um, one.left.max_um)
         reacts = "never noticed" if one.reacts_after_s is None else f"{one.reacts_after_s:.0f}"
         rows.append((one.sensor or "control", one.fault, one.output, *errors, one.mode or None, reacts))
-    return table(
+    return account.table(
         ["what fails", "how", "output", ">without the fault: rms [µm]", ">left: rms [µm]", ">left: largest [µm]",
          "it follows", ">reacts after [s]"],
         rows,
@@ -220,11 +216,11 @@ def rehearsal_table(replay: Replay) -> Table:
     )  # fmt: skip
 
 
-def _courses(model: ModelFile, replay: Replay) -> Iterator[Drawing]:
+def _courses(model: ModelFile, replay: Replay) -> Iterator[account.Drawing]:
     for run in replay.runs[:MOST_RUNS_DRAWN]:
         for k, output in enumerate(model.outputs):
             recorded = run.recorded_um[:, k]
             text = "" if np.isfinite(recorded).any() else "This run has no recorded displacement."
             # as seen at the tool, whatever way the control counts
             seen = -run.correction_um[:, k] if is_turned(output) else run.correction_um[:, k]
-            yield Drawing(replayed_run(run.run, output.name, run.time_s, seen, recorded), text)
+            yield account.Drawing(replayed_run(run.run, output.name, run.time_s, seen, recorded), text)

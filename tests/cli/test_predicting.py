@@ -200,10 +200,11 @@ def test_ways_of_writing_a_cycle(capfd, tmp_path, text):
 
 
 @pytest.mark.parametrize(
-    ("column", "told"), [("hall", ["'hall'", "ambient channels of the tests: t16"]), ("t16", None), ("note", None)]
+    ("column", "told"),
+    [("hall", ["'hall'", "ambient channels of the tests: t16"]), ("t16", None), ("note", None), ("holes", None)],
 )
 def test_a_hall_under_another_name_than_in_the_tests_is_told(capfd, tmp_path, column, told):
-    cell = "warm up" if column == "note" else "25"
+    cell = {"note": "warm up", "holes": "2 holes drilled"}.get(column, "25")
     path = tmp_path / "cycle.csv"
     path.write_text(f"time_s,spindle_speed,{column}\n0,2500,{cell}\n3600,0,{cell}\n", encoding="utf-8")
     folder = FIXTURES.parent / "spindle46"

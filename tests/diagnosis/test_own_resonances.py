@@ -86,3 +86,11 @@ def test_resonances_that_leave_the_unseen_run_far_off_are_not_the_whole_of_it():
     chatter = chatter * np.sin(2.0 * np.pi * 211.0 * comparison.time_s * (1.0 + 0.1 * comparison.time_s))
     found = diagnosis(replace(comparison, recorded=comparison.recorded | {"a": comparison.recorded["a"] + chatter}))
     assert found.verdict != "miscalibrated"
+
+
+def test_an_unseen_run_that_is_shaken_harder_is_off_by_more_and_says_nothing_against_them():
+    comparison = shaken(LITTLE_OFF)
+    times = np.where(comparison.held_out, 3.0, 1.0)
+    recorded = {name: times * of for name, of in comparison.recorded.items()}
+    harder = replace(comparison, recorded=recorded, simulated={"a": times * comparison.simulated["a"]})
+    assert diagnosis(harder).verdict == "miscalibrated"

@@ -242,3 +242,5 @@ def test_names_give_way_to_what_leaves_half_of_what_they_do_and_not_to_their_lik
     carried = borne_out(asked, nothing, seed=0)
     assert leaves_far_less(carried, nothing)
     assert not leaves_far_less(carried, carried)
+    elsewhere = replace(nothing, named={"data.step": {"Y": 0}})
+    assert not leaves_far_less(carried, elsewhere)

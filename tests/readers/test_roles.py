@@ -7,6 +7,7 @@ from selector.errors import OptionError, RecordingError, UnitError
 from selector.quality import inspect
 from selector.readers.machine_file import machine_from_text
 from selector.readers.roles.names import known_unit, name_and_unit, role_guess
+from selector.units import parse_unit
 
 WARM = np.linspace(20, 30, 50)
 
@@ -68,6 +69,16 @@ def test_what_headers_of_shop_floors_mean(header, role, unit, axis):
     assert (guess.role, guess.unit, guess.axis) == (role, unit, axis)
     assert "role" in guess.guessed
     assert ("unit" in guess.guessed) == (written is None and role != "state")
+
+
+@pytest.mark.parametrize("header", ["Amplitude 50 Hz", "Vibration RMS 10-1000 Hz", "T at 20 mA", "Load 5 kN"])
+def test_a_quantity_within_a_name_is_no_unit_of_the_channel(header):
+    assert name_and_unit(header) == (header, None)
+
+
+def test_a_displacement_in_nanometres_stays_one_in_capitals():
+    assert name_and_unit("Z [NM]") == ("Z", "NM")
+    assert (parse_unit("NM"), parse_unit("Nm")) == ("nm", "N*m")
 
 
 @pytest.mark.parametrize(

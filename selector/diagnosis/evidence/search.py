@@ -63,7 +63,7 @@ class Standing:
         return tail_probability(self.score, self.noise)
 
     def shows_in(self, responses: Iterable[str], false_alarm: float = 0.02) -> bool:
-        """Whether noise makes as much of any effect in these responses alone no oftener than `false_alarm`."""
+        """Whether it makes more of these alone than noise does of any effect in all, but for `false_alarm`."""
         score = together([self.tested[name].evidence for name in responses])
         return tail_probability(float(score), self.noise) <= false_alarm
 

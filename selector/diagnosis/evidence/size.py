@@ -79,7 +79,8 @@ def _is_little_force(comparison: Comparison, found: Search, effect: NamedEffect)
             given = passed(comparison, name, own)[0]
             return rms(effect.courses[name][fitted]) < _OF_FORCE * rms(given[fitted])
         if name == effect.channel and effect.id in _OF_LOOP and _kept_at(comparison, name) is not None:
-            off = _movement(comparison, found, name) or np.nanstd(comparison.recorded[name][fitted])
+            is_error = channel.role == "displacement"
+            off = np.nanstd(comparison.recorded[name][fitted]) if is_error else _movement(comparison, found, name)
             if rms(effect.courses[name][fitted]) < _OF_FORCE * off:
                 return True
     return False
@@ -102,7 +103,7 @@ def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tu
         if id_ != "data.stuck"
         and (
             trifles.issuperset(of)
-            or (found.standing[id_].main in trifles and _most(found, id_, set(of) - trifles) < TENTH)
+            or (_main(found, id_) in trifles and _most(found, id_, set(of) - trifles) < TENTH)
             or (all(found.misfit[name] > 1.0 for name in of) and max(_explained(comparison, found)) < _MOST)
             or all(_is_part_of_little(comparison, found, name) for name in of)
         )
@@ -110,6 +111,11 @@ def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tu
     also = {id_: of for id_, of in {**found.named, **found.small}.items() if id_ in doubted or id_ not in found.named}
     rest = replace(found, named={id_: of for id_, of in found.named.items() if id_ not in doubted})
     return rest, seen_only(_beside(comparison, found, id_, of) for id_, of in also.items())
+
+
+def _main(found: Search, id_: str) -> str:
+    """Of the responses that a name is of, the one that shows it most."""
+    return max(found.named[id_], key=lambda name: found.standing[id_].tested[name].gain)
 
 
 def _most(found: Search, id_: str, names: Iterable[str]) -> float:

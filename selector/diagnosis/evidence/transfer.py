@@ -81,11 +81,15 @@ def borne_out(comparison: Comparison, found: Search, *, seed: int) -> Search:
 
 
 def leaves_far_less(carried: Search, found: Search) -> bool:
-    """Whether what unseen rows bear out leaves half of what all names of a search do, or less, fitted or unseen."""
-    ((id_, of),) = carried.named.items()
-    bench, named = found.benches[next(iter(of))], numbers(found.named, next(iter(of)))
+    """Whether what unseen rows bear out leaves half of what all names of a search do, or less, fitted or unseen.
+
+    Names of other responses do not give way to what says nothing of these.
+    """
+    ((id_, (name,)),) = carried.named.items()
+    bench, named = found.benches[name], numbers(found.named, name)
     left = bench.mean_square(named) / bench.mean_square([]), (unseen_rms(bench, named) / unseen_rms(bench, [])) ** 2
-    return 1.0 - carried.carried[id_][0] < _FAR_LESS * min(left)
+    is_alone = all(set(of) == {name} for of in found.named.values())
+    return is_alone and 1.0 - carried.carried[id_][0] < _FAR_LESS * min(left)
 
 
 def told_of_carried(effects: Sequence[NamedEffect], found: Search) -> tuple[Finding, ...]:

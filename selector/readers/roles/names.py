@@ -27,11 +27,12 @@ _TRAILING = (
     re.compile(
         r"^(?P<name>.+?)\s+(?P<unit>[°º˚℃℉µμ%]\S*|[Uu]/min|1/min|r/min|об/мин|"
         r"мкм|мм|mm|um|rpm|degC|degF|min-1|[Dd]eg ?[CF]|[Cc]elsius|[Ff]ahrenheit|[Kk]elvin|inch|mil|thou|[Mm]icrons?|"
-        r"k?Hz|rps|k[Rr][Pp][Mm]|kN|kgf|daN|Nm|m[AV]|k[AV]|m?m/s\^?2)$"
+        r"(?<!\d )(?:k?Hz|rps|k[Rr][Pp][Mm]|kN|kgf|daN|Nm|m[AV]|k[AV]|m?m/s\^?2))$"
     ),
 )
 _SUFFIX = re.compile(r"^(?P<name>.+?)[_.](?P<unit>[A-Za-zµμ°]+(?:_per_[a-z]+|/[a-z]+)?)$")
 _LAST_WORD = re.compile(r"^(?P<name>t|..+)[\s_]+(?P<unit>[^\W\d_]+\.?)$")
+_TORQUE = re.compile(r"torque|moment|couple|момент", re.IGNORECASE)
 _NUMBERED = re.compile(r"\.\d{1,3}$")  #: What is put behind a name that stands twice.
 _SUFFIXES = (
     "um µm μm mm nm degc degf rpm celsius kelvin fahrenheit min sec secs seconds minutes hours ms mil thou inch hz kn "
@@ -190,6 +191,8 @@ def role_guess(name: str, unit: str | None, values: Array, role: str | None = No
     if role is not None:
         return _with_unit(role, folded, unit, None, ())
     named = [r for r, pattern in _PATTERNS.items() if pattern.search(folded)]
+    # in a log in capitals
+    unit = "N*m" if unit == "nm" and _TORQUE.search(folded) else unit
     if unit is not None and unit != "1":
         return _by_unit(named, folded, unit, values)
     if not named:

@@ -11,27 +11,7 @@ from selector.models.moments import WORTH_OF_A_SENSOR
 from selector.number_text import listed, number_text
 from selector.selection import Selection
 from selector.selection.result import BEST_OF_SIZE, FIXED_SET, PROCEDURE, Combination, told_apart
-from selector.telling import origin
-from selector.telling.account import (
-    Account,
-    Block,
-    Captioned,
-    Formula,
-    Heading,
-    Note,
-    Paragraph,
-    Remarks,
-    Table,
-    captioned,
-    findings_section,
-    grouped_remarks,
-    legend,
-    next_steps,
-    section,
-    sections,
-    sentence,
-    table,
-)
+from selector.telling import account, origin
 from selector.telling.numbers import NONE, beside_text, p_text, share_text
 from selector.telling.origin import label_text
 from selector.telling.selected.advice import advice, useless_responses
@@ -40,7 +20,7 @@ from selector.telling.selected.formula import coefficient_rows, formula_text, le
 MOST_COMBINATIONS = 12
 
 
-def gain_table(selection: Selection) -> Table:
+def gain_table(selection: Selection) -> account.Table:
     """What the model gains and what its faults cost, one row a displacement."""
     proof = selection.proof
     known, rows = selection.known, []
@@ -70,10 +50,10 @@ def gain_table(selection: Selection) -> Table:
         + (", and what that of further ones is between, 19 times in 20" if known else "")
         + "; largest: of all their samples. The worst fault is a sensor that is stuck or open."
     )
-    return table(headings, rows, note)
+    return account.table(headings, rows, note)
 
 
-def curve_table(selection: Selection) -> Table:
+def curve_table(selection: Selection) -> account.Table:
     """Error on unseen data of each number of sensors."""
     rows = []
     for at, name in enumerate(selection.models):
@@ -81,10 +61,10 @@ def curve_table(selection: Selection) -> Table:
         for point in selection.proof.curve:
             rows.append((name, str(point.n_sensors), float(point.rmse_um[at]), fixed.get(point.n_sensors)))
     headings = ["error of", ">sensors", f">unseen, {BEST_OF_SIZE} [µm]", f">unseen, {FIXED_SET} [µm]"]
-    return table(headings, rows, f"Root mean squares. {told_apart(selection.proof.left_out)}")
+    return account.table(headings, rows, f"Root mean squares. {told_apart(selection.proof.left_out)}")
 
 
-def combinations_table(selection: Selection, response: str) -> Table:
+def combinations_table(selection: Selection, response: str) -> account.Table:
     """The best sets by adjusted R², the chosen one and the best on unseen data among them."""
     compared = [one for one in selection.combinations if one.response == response]
     shown: dict[Combination, None] = dict.fromkeys(compared[:MOST_COMBINATIONS])
@@ -93,7 +73,7 @@ def combinations_table(selection: Selection, response: str) -> Table:
     shown |= dict.fromkeys(one for one in compared if set(one.sensors) == set(selection.chosen))
     rows = [one for one in compared if one in shown]
     left = len(compared) - len(rows)
-    return table(
+    return account.table(
         ["sensors", ">R²", ">adjusted R²", f">unseen, {FIXED_SET}: rms [µm]", "from"],
         [(", ".join(one.sensors), _r2(one.r2), _r2(one.adjusted_r2), one.heldout_rmse_um, one.origin) for one in rows],
         f"{left} more sets were compared." if left else "",
@@ -101,14 +81,14 @@ def combinations_table(selection: Selection, response: str) -> Table:
     )
 
 
-def equal_table(selection: Selection) -> Table | None:
+def equal_table(selection: Selection) -> account.Table | None:
     """Every set as large as the chosen one that is about as good as the best."""
     equal = selection.equal
     if equal is None:
         return None
     margin = f"{100 * WORTH_OF_A_SENSOR:.0f} %" if equal.within_um is None else f"{number_text(equal.within_um)} µm"
     left = equal.n_equal - len(equal.sets)
-    return table(
+    return account.table(
         [
             "sensors",
             *(f">{name}: unseen, {FIXED_SET} [µm]" for name in selection.models),
@@ -123,7 +103,7 @@ def equal_table(selection: Selection) -> Table | None:
     )
 
 
-def groups_table(selection: Selection) -> Table:
+def groups_table(selection: Selection) -> account.Table:
     """Groups of the first round, who represents them, and who was chosen."""
     rows = []
     representatives = set(selection.grouping.chosen.representatives)
@@ -132,17 +112,17 @@ def groups_table(selection: Selection) -> Table:
         kept = ([name for name in names if name in some] for some in (representatives, selection.chosen))
         rows.append((str(i + 1), ", ".join(names), *(", ".join(some) or NONE for some in kept)))
     marked = [i for i, row in enumerate(rows) if row[3] != NONE]
-    return table([">group", "sensors", "representative", "chosen"], rows, marked=marked)
+    return account.table([">group", "sensors", "representative", "chosen"], rows, marked=marked)
 
 
-def memberships_table(selection: Selection) -> Table | None:
+def memberships_table(selection: Selection) -> account.Table | None:
     """How far every sensor belongs to every fuzzy group; None if the groups are those of a cut."""
     fuzzy = selection.grouping.chosen.fuzzy
     if fuzzy is None:
         return None
     between = {i for i, _, _ in fuzzy.between}
     cut = selection.grouping.axis.at(fuzzy.partition.level).partition
-    return table(
+    return account.table(
         ["sensor", *(f">group {k + 1}" for k in range(fuzzy.memberships.shape[1])), "between two groups"],
         [
             (name, *(f"{share:.2f}" for share in row), "yes" if i in between else NONE)
@@ -155,10 +135,10 @@ def memberships_table(selection: Selection) -> Table | None:
     )
 
 
-def sensors_table(selection: Selection) -> Table:
+def sensors_table(selection: Selection) -> account.Table:
     """Every sensor: group, kept or dropped and why, and how stable that is."""
     group_of = {k: i for i, group in enumerate(selection.grouping.chosen.rounds[0].groups) for k in group}
-    return table(
+    return account.table(
         ["sensor", ">group", "why", ">chosen in resamples"],
         [
             (
@@ -169,12 +149,12 @@ def sensors_table(selection: Selection) -> Table:
             )
             for k, name in enumerate(selection.sensors)
         ],
-        legend("selected.resamples"),
+        account.legend("selected.resamples"),
         [k for k, name in enumerate(selection.sensors) if name in selection.chosen],
     )
 
 
-def runs_table(selection: Selection, response: str) -> Table:
+def runs_table(selection: Selection, response: str) -> account.Table:
     """Errors of every left-out part, with the sensors that were chosen without it, and in sample."""
     fitted = selection.fit_per_run[response]
     proved = {part.name for part in selection.proof.per_response[response]}
@@ -184,7 +164,7 @@ def runs_table(selection: Selection, response: str) -> Table:
         in_sample = fitted[part.name][0] if part.name in fitted else None
         rows.append((part.name, *errors, beside_text(part.mean_um, part.rmse_um), in_sample, ", ".join(part.sensors)))
     rows += [(run, *[None] * 5, fit[0], "") for run, fit in fitted.items() if run not in proved]
-    return table(
+    return account.table(
         [
             selection.proof.left_out, ">before: rms [µm]", ">before: largest [µm]", ">unseen: rms [µm]",
             ">unseen: largest [µm]", ">unseen: mean [µm]", ">in sample: rms [µm]", "sensors chosen without it",
@@ -193,16 +173,16 @@ def runs_table(selection: Selection, response: str) -> Table:
     )  # fmt: skip
 
 
-def coefficients_table(selection: Selection, response: str) -> Table:
+def coefficients_table(selection: Selection, response: str) -> account.Table:
     """The model in physical units."""
-    return table(
+    return account.table(
         ["term", ">coefficient ± standard error", "unit", ">VIF"],
         list(coefficient_rows(selection, response)),
-        legend("selected.terms"),
+        account.legend("selected.terms"),
     )
 
 
-def quality_table(selection: Selection) -> Table:
+def quality_table(selection: Selection) -> account.Table:
     """Fit, proof and diagnostics of every model."""
     models, proof = selection.models, selection.proof
     columns: list[dict[str, str | float]] = [
@@ -222,15 +202,15 @@ def quality_table(selection: Selection) -> Table:
         for name, model in models.items()
     ]
     rows = [(line, *(column[line] for column in columns)) for line in columns[0]]
-    return table(["", *(f">{name}" for name in models)], rows)
+    return account.table(["", *(f">{name}" for name in models)], rows)
 
 
-def faults_table(selection: Selection) -> Table:
+def faults_table(selection: Selection) -> account.Table:
     """What a fault of each sensor does."""
-    return table(
+    return account.table(
         ["sensor", "response", ">1 K too high [µm]", ">stuck [µm]", ">open [µm]"],
         [(one.sensor, one.response, one.per_kelvin_um, one.stuck_um, one.open_um) for one in selection.faults],
-        legend("selected.faults"),
+        account.legend("selected.faults"),
     )
 
 
@@ -248,7 +228,7 @@ def selection_account(
     title: str | None = None,
     date: str | None = None,
     drawn: bool = False,
-) -> Account:
+) -> account.Account:
     """All that is told of a selection; `drawn`: for a page. Default of the title: the machine's name.
 
     The date is shown as it is; the clock is never read, so that equal results give equal bytes.
@@ -258,17 +238,17 @@ def selection_account(
     heading = title or ": ".join(filter(None, ["Sensor selection", machine]))
     unnamed = f"Machine: {machine}" if machine and machine not in heading else ""
     verdict, sentences = advice(selection)
-    drawings: Mapping[str, Sequence[Block]] = {}
+    drawings: Mapping[str, Sequence[account.Block]] = {}
     if drawn:
         from selector.telling.selected.pictures import drawings as drawings_of
 
         drawings = drawings_of(selection, described)
 
-    def concerning(part: str) -> list[Block]:
-        remarks = grouped_remarks(_of_part(selection, part))
-        return [Remarks(remarks)] if remarks else []
+    def concerning(part: str) -> list[account.Block]:
+        remarks = account.grouped_remarks(_of_part(selection, part))
+        return [account.Remarks(remarks)] if remarks else []
 
-    return Account(
+    return account.Account(
         title=heading,
         about=" · ".join(filter(None, [date, unnamed])),
         label=label_text("these recordings", title or "", selection.provenance, described),
@@ -276,48 +256,56 @@ def selection_account(
         sentences=sentences,
         answer=gain_table(selection),
         front=_front(selection, drawings),
-        sections=sections(
-            section(
+        sections=account.sections(
+            account.section(
                 "proof",
                 "Why: what unseen data say",
                 *concerning("proof"),
-                Paragraph(selection.because, on_screen=True),
+                account.Paragraph(selection.because, on_screen=True),
                 *drawings.get("curve", ()),
-                Captioned("Error against number of sensors", curve_table(selection)),
+                account.Captioned("Error against number of sensors", curve_table(selection)),
                 *drawings.get("proof", ()),
                 link="Proof",
             ),
-            section(
+            account.section(
                 "groups",
                 "Why: which sensors move together",
                 *concerning("groups"),
-                Paragraph(sentence(selection.grouping.because)),
-                Captioned("", groups_table(selection)),
-                captioned("Memberships", memberships_table(selection)),
+                account.Paragraph(account.sentence(selection.grouping.because)),
+                account.Captioned("", groups_table(selection)),
+                account.captioned("Memberships", memberships_table(selection)),
                 *drawings.get("groups", ()),
                 link="Groups",
             ),
-            section("model", "The model", *concerning("model"), *_model(selection), link="Model"),
-            section(
+            account.section("model", "The model", *concerning("model"), *_model(selection), link="Model"),
+            account.section(
                 "recordings",
                 "The recordings",
                 *concerning("recordings"),
-                captioned("", origin.drift_table(described), on_screen=False),
+                account.captioned("", origin.drift_table(described), on_screen=False),
                 link="Recordings",
                 on_paper=any(one.level != "info" for one in _of_part(selection, "recordings")),
             ),
-            section("sets", "Sets that were compared", *_sets(selection), link="Sets compared", on_paper=False),
-            section("faults", "Sensor faults", Captioned("", faults_table(selection), on_screen=False), on_paper=False),
-            section("terms", "Term by term", *_terms(selection), on_paper=False),
-            section(
-                "sensors", "Every sensor", Captioned("", sensors_table(selection), on_screen=False), on_paper=False
+            account.section("sets", "Sets that were compared", *_sets(selection), link="Sets compared", on_paper=False),
+            account.section(
+                "faults",
+                "Sensor faults",
+                account.Captioned("", faults_table(selection), on_screen=False),
+                on_paper=False,
             ),
-            findings_section(selection.findings, on_paper=False),
-            section(
+            account.section("terms", "Term by term", *_terms(selection), on_paper=False),
+            account.section(
+                "sensors",
+                "Every sensor",
+                account.Captioned("", sensors_table(selection), on_screen=False),
+                on_paper=False,
+            ),
+            account.findings_section(selection.findings, on_paper=False),
+            account.section(
                 "origin",
                 "Origin",
                 *origin.origin_parts(described, selection.provenance),
-                Captioned("Options", origin.options_table(selection), on_screen=False),
+                account.Captioned("Options", origin.options_table(selection), on_screen=False),
                 on_paper=False,
             ),
         ),
@@ -348,7 +336,7 @@ def _of_part(selection: Selection, part: str) -> list[Finding]:
     return [one for one in selection.findings if _CONCERNS.get(one.id, "recordings") == part]
 
 
-def _front(selection: Selection, drawings: Mapping[str, Sequence[Block]]) -> tuple[Block, ...]:
+def _front(selection: Selection, drawings: Mapping[str, Sequence[account.Block]]) -> tuple[account.Block, ...]:
     """How sure it is, what to do next, and one picture."""
     proof, worst = selection.proof, []
     for name, parts in proof.per_response.items():
@@ -361,8 +349,13 @@ def _front(selection: Selection, drawings: Mapping[str, Sequence[Block]]) -> tup
         f"it; {listed(worst)}."
     )
     then = "Try the model on later runs with `selector apply`, then hand it to the control with `selector export`."
-    steps = next_steps(selection.findings, *([] if useless_responses(selection) else [then]))
-    return Paragraph(sure, "How sure."), Heading("What to do next", 3), steps, *drawings.get("proof", ())[:1]
+    steps = account.next_steps(selection.findings, *([] if useless_responses(selection) else [then]))
+    return (
+        account.Paragraph(sure, "How sure."),
+        account.Heading("What to do next", 3),
+        steps,
+        *drawings.get("proof", ())[:1],
+    )
 
 
 def write_report(
@@ -396,27 +389,29 @@ def write_report(
     return target
 
 
-def _sets(selection: Selection) -> list[Block | None]:
+def _sets(selection: Selection) -> list[account.Block | None]:
     shape = str(selection.recipe.shape)
     text = (
         f"All in the chosen shape ({shape}). The unseen error here is that of the {FIXED_SET}: its coefficients are "
         "refitted without each part, the sensors stay. The choice compares these errors; the whole procedure above, "
         "which chooses the sensors anew, is the error to expect."
     )
-    compared = (Captioned(name, combinations_table(selection, name), on_screen=False) for name in selection.models)
-    return [captioned("Sets to take instead", equal_table(selection)), Paragraph(text), *compared]
+    compared = (
+        account.Captioned(name, combinations_table(selection, name), on_screen=False) for name in selection.models
+    )
+    return [account.captioned("Sets to take instead", equal_table(selection)), account.Paragraph(text), *compared]
 
 
-def _model(selection: Selection) -> list[Block]:
+def _model(selection: Selection) -> list[account.Block]:
     legend = "; ".join(f"{symbol}: {meaning}" for symbol, meaning in legend_rows(selection))
-    formulas: list[Block] = [Formula(formula_text(selection, name)) for name in selection.models]
-    note = Note(f"Displacements in µm; ± one standard error. {legend}.")
-    return [*formulas, note, Captioned("Quality", quality_table(selection))]
+    formulas: list[account.Block] = [account.Formula(formula_text(selection, name)) for name in selection.models]
+    note = account.Note(f"Displacements in µm; ± one standard error. {legend}.")
+    return [*formulas, note, account.Captioned("Quality", quality_table(selection))]
 
 
-def _terms(selection: Selection) -> list[Block]:
+def _terms(selection: Selection) -> list[account.Block]:
     return [
-        Captioned(text.format(name), of(selection, name), on_screen=not text.startswith("{}"))
+        account.Captioned(text.format(name), of(selection, name), on_screen=not text.startswith("{}"))
         for name in selection.models
         for text, of in (("Coefficients of {}", coefficients_table), ("{}, part by part", runs_table))
     ]
