@@ -98,7 +98,7 @@ def _recalibrated_resonances(answer: Diagnosis, asked: "_Asked") -> Diagnosis | 
     if beside.verdict == "unexplained" or any(one.share > _MOST * share for one in beside.effects):
         return None
     alone = _staged(_State(comparison, replace(asked, effects=())))
-    if any(_is_farther_off(comparison, alone.fit[name], name) for name in comparison.tangents):
+    if any(_is_farther_off(comparison, one, name) for name, one in alone.fit.items() if name in comparison.tangents):
         return None
     found = replace(
         beside,
