@@ -107,7 +107,16 @@ def test_tokens_are_long_and_never_the_same():
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/_dash-layout", "/_dash-dependencies", "/assets/workbench.js", "/results/selection/report.html"]
+    "path",
+    [
+        "/",
+        "/_dash-layout",
+        "/_dash-dependencies",
+        "/assets/workbench.js",
+        "/results/selection/report.html",
+        "/beat",
+        "/command/sensors",
+    ],
 )
 @pytest.mark.parametrize("token", [None, "", "wrong", "é", "a" * 43])
 def test_without_the_token_nothing_is_told(empty, path, token):
@@ -115,6 +124,11 @@ def test_without_the_token_nothing_is_told(empty, path, token):
     assert answer.status_code == 403
     assert answer.mimetype == "text/plain"
     assert "token" in answer.text
+
+
+def test_without_the_token_no_job_is_cancelled(empty):
+    answer = empty.test_client().post("/cancel/1", base_url=OWN, json={})
+    assert (answer.status_code, answer.mimetype) == (403, "text/plain")
 
 
 def test_a_cookie_with_another_token_is_none(stranger, access):

@@ -39,7 +39,7 @@ def is_like_parameters(comparison: Comparison, found: Search, effect: NamedEffec
     # no parameter is wrong in one run alone
     rivals = effect.cannot_be_told_from if effect.acts is None else ()
     if _OF_HEAT.isdisjoint((effect.id, *rivals)):
-        return _is_little_force(comparison, found, effect)
+        return _is_little_beside_own(comparison, found, effect)
     bench, course = found.benches[effect.channel], effect.courses[effect.channel]
     moved = np.nanstd(comparison.recorded[effect.channel][bench.fitted])
     # a lag may take the place of the simulated course; what recalibration does not do by itself is little then
@@ -63,7 +63,7 @@ def or_parameters(comparison: Comparison, found: Search, effects: Sequence[Named
         yield replace(effect, confidence=min(effect.confidence, _HALF)) if is_one or is_rest else effect
 
 
-def _is_little_force(comparison: Comparison, found: Search, effect: NamedEffect) -> bool:
+def _is_little_beside_own(comparison: Comparison, found: Search, effect: NamedEffect) -> bool:
     """Whether an inertia or a friction is little beside that of the simulation, in a force that is compared.
 
     Or what a loop with other gains, or other steps, does is little beside what a position is off its command.

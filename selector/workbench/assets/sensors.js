@@ -219,7 +219,8 @@
     for (const [name, text] of Object.entries(told.titles)) place(`${name}-title`).textContent = text;
     showGroups(told.groups);
     if (told.changes) {
-      window.dash_clientside.workbench.commanded(told.command);
+      // an answer that comes late is none of the page that is shown by then
+      if (!document.getElementById("page-sensors").hidden) window.dash_clientside.workbench.commanded(told.command);
       showPictures(told.changes);
     }
   }
