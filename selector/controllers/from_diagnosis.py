@@ -16,7 +16,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
 from selector.findings import Finding
 from selector.models.design import Lag, lagged
-from selector.types import Vector
+from selector.types import Matrix, Vector
 
 _ROLES = ("temperature", "ambient", "spindle_speed")
 _ABSOLUTE = ("spindle_speed",)
@@ -123,16 +123,17 @@ def _fitted(comparison: Comparison, sources: Sequence[str], course: Vector) -> _
     """Sources, at once or lagged, that follow a course best, added one by one while each is worth it."""
     low = 2.0 * comparison.period_s
     grid = [0.0, *np.geomspace(low, max(2.0 * comparison.longest_s, 4.0 * low), _GRID).tolist()]
-    candidates = {(name, tau): _behind(comparison, name, tau) for name in sources for tau in grid}
+    terms = [(name, tau) for name in sources for tau in grid]
+    candidates = np.column_stack([_behind(comparison, *term) for term in terms])
     chosen: list[tuple[str, float]] = []
     base = [np.ones(len(course))]
     missed = 1.0
     while len(chosen) < _MOST_TERMS and missed > _EXACT:
-        name, tau_s = min(candidates, key=lambda key: _missed([*base, candidates[key]], course))
+        name, tau_s = terms[int(np.argmin(_missed(base, candidates, course)))]
         if tau_s > 0.0:
             tau_s = _refined(comparison, name, tau_s, grid, base, course)
         column = _behind(comparison, name, tau_s)
-        after = _missed([*base, column], course)
+        after = float(_missed(base, column[:, None], course)[0])
         if after > 0.9 * missed or (name, tau_s) in chosen:
             break
         base.append(column)
@@ -158,7 +159,7 @@ def _refined(
     number = grid.index(tau_s)
     low, high = grid[number - 1] or 0.5 * tau_s, grid[min(number + 1, len(grid) - 1)]
     found = minimize_scalar(
-        lambda log_tau: _missed([*base, _behind(comparison, name, float(np.exp(log_tau)))], course),
+        lambda log_tau: _missed(base, _behind(comparison, name, float(np.exp(log_tau)))[:, None], course)[0],
         bounds=(float(np.log(low)), float(np.log(max(high, 1.01 * tau_s)))),
         method="bounded",
     )
@@ -175,8 +176,14 @@ def _followed(columns: Sequence[Vector], course: Vector) -> tuple[Vector, float]
     return np.asarray(amounts / size, dtype=np.float64), missed
 
 
-def _missed(columns: Sequence[Vector], course: Vector) -> float:
-    return _followed(columns, course)[1]
+def _missed(base: Sequence[Vector], columns: Matrix, course: Vector) -> Vector:
+    """What the base and each of these columns miss of a course together, as shares of its size."""
+    span = np.linalg.qr(np.column_stack(base))[0]
+    left, beside = course - span @ (span.T @ course), columns - span @ (span.T @ columns)
+    squares = np.sum(beside**2, axis=0)
+    is_new = squares > 1e-20 * np.sum(columns**2, axis=0)
+    left = left[:, None] - beside * np.where(is_new, left @ beside / np.maximum(squares, 1e-300), 0.0)
+    return np.asarray(np.sqrt(np.mean(left**2, axis=0) / max(float(np.mean(course**2)), 1e-300)), dtype=np.float64)
 
 
 def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis, partly: str) -> ModelFile:
