@@ -12,10 +12,9 @@ from selector.controllers.from_selection import model_file_of
 from selector.controllers.model_file import ModelFile
 from selector.errors import InputError, OptionError
 from selector.fleet.fleet_file import Fleet
-from selector.fleet.later_runs import runs_by_age
 from selector.fleet.machine_study import Document
 from selector.fleet.places import local_recordings
-from selector.fleet.refitting import least_fall
+from selector.fleet.refitting import least_fall, runs_by_age
 from selector.models import moments as sums
 from selector.models.best_subsets.results import adjusted_r2
 from selector.models.design import Columns, Datum, Design, Rows, datum_of, rows_of

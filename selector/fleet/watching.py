@@ -18,9 +18,9 @@ from selector.controllers.application import Accuracy
 from selector.controllers.model_file import read_model
 from selector.errors import ResultError
 from selector.fleet.fleet_file import Fleet
-from selector.fleet.later_runs import by_age, faults_beside, older_unseen, part_of, runs_by_age
 from selector.fleet.machine_study import DONE_FILE, Answer, Document, error_text, known_answer
 from selector.fleet.places import local_recordings
+from selector.fleet.refitting import by_age, faults_beside, older_unseen, part_of, runs_by_age
 from selector.fleet.running import MISSING, has_model, read_answer
 from selector.fleet.workers import Workers
 from selector.json_text import json_text

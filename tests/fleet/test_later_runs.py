@@ -1,6 +1,6 @@
 """What came after what: by the clocks of the recordings, else by their names, and no recording twice."""
 
-from selector.fleet.later_runs import by_age, part_of
+from selector.fleet.refitting import by_age, part_of
 from selector.readers import read
 from selector.study.inputs import sha256_of
 

@@ -10,7 +10,7 @@ import pytest
 from selector.cli import exit_status
 from selector.errors import ResultError
 from selector.fleet import Processes, overview, read_answer, read_fleet, run_fleet, watch_fleet
-from selector.fleet.later_runs import older_unseen
+from selector.fleet.refitting import older_unseen
 from selector.telling.fleet import fleet_account, watch_account
 from tests.fleet.machines import Here, changed, fleet_file, machine
 
