@@ -17,9 +17,9 @@ from selector.readers.clock.stamps import time_unit
 from selector.readers.files import recording_files, tables_of
 from selector.readers.finding_table import FINDINGS
 from selector.readers.roles.names import folded_name, name_and_unit, printable_name
-from selector.readers.strict_text import refused
 from selector.readers.tables import Column, Overrides, Table
 from selector.readers.text.encodings import decoded
+from selector.readers.text.lines import refused
 from selector.types import Indices, Mask, Vector
 from selector.units import convert, parse_unit, same_dimension
 

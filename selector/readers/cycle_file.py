@@ -21,7 +21,7 @@ from selector.readers.cells import is_time_name
 from selector.readers.clock.stamps import time_unit
 from selector.readers.reading import Reading
 from selector.readers.roles.names import name_and_unit, printable_name, role_guess
-from selector.readers.strict_text import refused, strict_number, strict_rows
+from selector.readers.text.lines import refused, strict_number, strict_rows
 from selector.recording import Recording, at_pauses
 from selector.types import Vector
 from selector.units import convert, parse_unit, unit_for_role

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from selector.csv_text import as_written
 from selector.readers.roles.names import printable_name
-from selector.readers.strict_text import refused, strict_number, strict_rows
+from selector.readers.text.lines import refused, strict_number, strict_rows
 from selector.recording import named_by_axis
 
 LARGEST_UM = 1e6

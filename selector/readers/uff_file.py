@@ -13,7 +13,7 @@ from selector.physics.vibration.taps.response import TapResponse, response_of_re
 from selector.readers.binary.optional import optional_module, read_whole
 from selector.readers.finding_table import FINDINGS
 from selector.readers.roles.names import printable_name
-from selector.readers.strict_text import refused
+from selector.readers.text.lines import refused
 from selector.types import Vector
 from selector.units import convert, parse_unit, same_dimension
 
