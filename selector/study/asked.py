@@ -10,18 +10,10 @@ from selector import __version__
 from selector.errors import InputError, OptionError, StudyError
 from selector.readers import Overrides
 from selector.selection.options import Options
+from selector.study import study_file
 from selector.study.inputs import listed_files, reference_to
-from selector.study.study_file import (
-    DiagnoseSection,
-    ExportSection,
-    InputFile,
-    ReadingSection,
-    Recordings,
-    SelectSection,
-    Study,
-)
 
-_READING = tuple(ReadingSection.model_fields)
+_READING = tuple(study_file.ReadingSection.model_fields)
 Section = TypeVar("Section")
 
 
@@ -31,24 +23,26 @@ def study_of(
     *,
     machine: str | Path | None = None,
     overrides: Overrides | None = None,
-    select: Options | SelectSection | None = None,
-    diagnose: DiagnoseSection | None = None,
-    export: ExportSection | None = None,
-    files: Sequence[InputFile] = (),
+    select: Options | study_file.SelectSection | None = None,
+    diagnose: study_file.DiagnoseSection | None = None,
+    export: study_file.ExportSection | None = None,
+    files: Sequence[study_file.InputFile] = (),
     date: str | None = None,
     results: Mapping[str, str] | None = None,
-) -> Study:
+) -> study_file.Study:
     """The study of some recordings, for a study file in `folder`; paths become relative to it.
 
     `runs` are files and folders, as the user named them, `files` what was read of them; `date` (YYYY-MM-DD) is that of
     the results, which are given as name of a file beside the study file → its SHA-256.
     """
     named = tuple(reference_to(run, folder) for run in runs)
-    return Study(
+    return study_file.Study(
         version=__version__,
         date=date,
-        recordings=Recordings(runs=named, machine=None if machine is None else reference_to(machine, folder)),
-        reading=_made(ReadingSection, {name: getattr(overrides or Overrides(), name) for name in _READING}),
+        recordings=study_file.Recordings(
+            runs=named, machine=None if machine is None else reference_to(machine, folder)
+        ),
+        reading=_made(study_file.ReadingSection, {name: getattr(overrides or Overrides(), name) for name in _READING}),
         select=select_section(select) if isinstance(select, Options) else select,
         diagnose=diagnose,
         export=export,
@@ -57,19 +51,20 @@ def study_of(
     )
 
 
-def select_section(options: Options) -> SelectSection:
+def select_section(options: Options) -> study_file.SelectSection:
     """``[select]`` of some options, every one of them written out: defaults may change, a study does not.
 
     Raises OptionError: an option cannot stand in a study file.
     """
     level: Any = "auto" if options.level is None else options.level
     return _made(
-        SelectSection,
-        {name: getattr(options, name) for name in SelectSection.model_fields if name != "lambda_"} | {"lambda": level},
+        study_file.SelectSection,
+        {name: getattr(options, name) for name in study_file.SelectSection.model_fields if name != "lambda_"}
+        | {"lambda": level},
     )
 
 
-def options_of(study: Study, *, where: str = "study file") -> Options:
+def options_of(study: study_file.Study, *, where: str = "study file") -> Options:
     """The options of ``[select]``; `where` names the study file in messages.
 
     Raises StudyError: there is no such table, or two options contradict each other.
@@ -77,7 +72,7 @@ def options_of(study: Study, *, where: str = "study file") -> Options:
     if study.select is None:
         raise _without("select", study, where)
     asked = study.select
-    values = {name: getattr(asked, name) for name in SelectSection.model_fields if name != "lambda_"}
+    values = {name: getattr(asked, name) for name in study_file.SelectSection.model_fields if name != "lambda_"}
     values |= {name: dict(values[name]) for name in ("cost", "conditions")}
     try:
         return Options(level=None if asked.lambda_ == "auto" else asked.lambda_, **values)
@@ -87,7 +82,7 @@ def options_of(study: Study, *, where: str = "study file") -> Options:
 
 def diagnose_section(
     folder: str | Path, *, simulation: Sequence[str | Path] = (), model: str | Path | None = None, **values: Any
-) -> DiagnoseSection:
+) -> study_file.DiagnoseSection:
     """``[diagnose]`` for a study file in `folder`; further values under the names of `DiagnoseSection`.
 
     Raises OptionError: a value cannot stand in a study file.
@@ -96,12 +91,12 @@ def diagnose_section(
         "simulation": tuple(reference_to(path, folder) for path in simulation),
         "model": None if model is None else reference_to(model, folder),
     }
-    return _made(DiagnoseSection, {**paths, **values})
+    return _made(study_file.DiagnoseSection, {**paths, **values})
 
 
 def export_section(
     folder: str | Path, *, model: str | Path | None, replay: Sequence[str | Path] = (), **values: Any
-) -> ExportSection:
+) -> study_file.ExportSection:
     """``[export]`` for a study file in `folder`; further values under the names of `ExportSection`.
 
     Raises OptionError: a value cannot stand in a study file.
@@ -110,17 +105,17 @@ def export_section(
         "model": None if model is None else reference_to(model, folder),
         "replay": tuple(reference_to(path, folder) for path in replay),
     }
-    return _made(ExportSection, {**paths, **values})
+    return _made(study_file.ExportSection, {**paths, **values})
 
 
-def require_diagnose(study: Study, *, where: str = "study file") -> DiagnoseSection:
+def require_diagnose(study: study_file.Study, *, where: str = "study file") -> study_file.DiagnoseSection:
     """``[diagnose]``. Raises StudyError: there is no such table, or it names nothing to compare with."""
     if study.diagnose is None:
         raise _without("diagnose", study, where)
     return study.diagnose
 
 
-def overrides_of(study: Study) -> Overrides:
+def overrides_of(study: study_file.Study) -> Overrides:
     """What the user decides instead of the reader."""
     values = {name: getattr(study.reading, name) for name in _READING}
     return Overrides(**{**values, "units": dict(values["units"]), "roles": dict(values["roles"])})
@@ -140,7 +135,7 @@ def _made(section: Callable[..., Section], values: Mapping[str, Any]) -> Section
         ) from error
 
 
-def _without(table: str, study: Study, where: str) -> StudyError:
+def _without(table: str, study: study_file.Study, where: str) -> StudyError:
     others = [name for name in ("select", "diagnose") if getattr(study, name) is not None]
     return StudyError(
         f"no table [{table}]" + (f"; there is [{others[0]}]" if others else ""),

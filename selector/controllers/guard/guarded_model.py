@@ -11,8 +11,8 @@ import numpy as np
 from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import SensorCode, TouchCode
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.executed import Number, executable
 from selector.controllers.program.guarded_program import guarded_program
+from selector.controllers.program.language import Number, executable
 
 
 @dataclass(frozen=True)

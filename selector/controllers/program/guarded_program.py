@@ -3,16 +3,7 @@
 from functools import partial
 
 from selector.controllers.evaluator import Equations, axes_of
-from selector.controllers.guard.decided import (
-    LONGEST_S,
-    LONGEST_STEP_S,
-    SAMPLE_S,
-    Mode,
-    SensorCode,
-    decided_limits,
-    longest_test_s,
-    valid_positions_m,
-)
+from selector.controllers.guard import decided
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.language import Expression, Flag, Program, Variable, Writing, is_code
 from selector.controllers.program.statements import NO_READING, AdaptedOutput, SlewedCorrection, WatchedSensor
@@ -49,7 +40,7 @@ class _Guarded:
         self._wanted = w.variable("is_wanted", "flag", "input", "the operator's switch", 1.0)
         self._restart = w.variable("is_restart", "flag", "input", "true in the first call after the control was off")
         self._standstill = w.variable("standstill_s", "real", "input", "with is_restart: off for so long [s]")
-        limits, _ = decided_limits(model)
+        limits, _ = decided.decided_limits(model)
         block = model.adaptation
         self._is_touch, adapted = None, {}
         if block is not None:
@@ -70,12 +61,12 @@ class _Guarded:
         self._mode = w.variable(
             "mode", "code", "output",
             "0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test, 10 and more: fallback",
-            float(Mode.OFF),
+            float(decided.Mode.OFF),
         )  # fmt: skip
         self._codes = {
             axis: w.variable(
                 f"axis_{k}", "code", "output", f"position of {axis}: 0 ok, 1 limited, 3 missing",
-                float(SensorCode.MISSING),
+                float(decided.SensorCode.MISSING),
             )
             for k, axis in enumerate(axes, start=1)
         }  # fmt: skip
@@ -95,7 +86,9 @@ class _Guarded:
         self._since = w.variable("since_sample_s", "real", "kept", "since the last sample [s]")
         self._held = w.variable("held_s", "real", "kept", "held for so long [s]")
         self._test_left = w.variable("test_left_s", "real", "kept", "a sign test may go on for so long [s]")
-        self._follows = w.variable("follows", "code", "kept", "as mode, while ready and wanted", float(Mode.HOLD))
+        self._follows = w.variable(
+            "follows", "code", "kept", "as mode, while ready and wanted", float(decided.Mode.HOLD)
+        )
 
     def program(self) -> Program:
         w = self._w
@@ -111,24 +104,24 @@ class _Guarded:
         dt = w.variable("passed_s")
         w.remark("time: what is no time, or too long, counts as 0")
         w.assign(dt, 0.0)
-        with w.when((self._dt > 0.0) & (self._dt <= LONGEST_S)):
+        with w.when((self._dt > 0.0) & (self._dt <= decided.LONGEST_S)):
             w.assign(dt, self._dt)
         self._positions()
         for one in self._outputs:
             one.zeroed(self._at)
-        w.assign(self._since, self._since + dt, most=LONGEST_S)
+        w.assign(self._since, self._since + dt, most=decided.LONGEST_S)
         if self._is_touch is not None:
             w.remark("a touch-off is taken when it becomes valid, and acts with the next sample")
             for output in self._outputs:
                 output.touched(self._is_touch & ~self._was_touch)
             w.assign(self._was_touch, self._is_touch)
-        with w.when(self._first | (self._since >= SAMPLE_S)):
+        with w.when(self._first | (self._since >= decided.SAMPLE_S)):
             self._sample()
             w.assign(self._first, False)
             w.assign(self._since, 0.0)
         self._choose_mode()
         slewed = w.variable("slewed_s")
-        w.assign(slewed, dt, most=LONGEST_STEP_S)
+        w.assign(slewed, dt, most=decided.LONGEST_STEP_S)
         for one in self._outputs:
             one.moved(self._mode, slewed, self._at, self._back)
         return w.program(self._model.name)
@@ -137,34 +130,34 @@ class _Guarded:
         w, left, is_test = self._w, self._test_left, self._w.variable("is_test", "flag")
         w.assign(self._mode, self._follows)
         with w.when(~self._wanted):
-            w.assign(self._mode, Mode.SWITCHED_OFF)
+            w.assign(self._mode, decided.Mode.SWITCHED_OFF)
         w.remark("sign test: only after all were 0 while ready, and not for ever; else to zero")
         w.assign(is_test, False)
         for one in self._outputs:
             one.tested(is_test)
         with w.when(is_test):
-            w.assign(self._mode, Mode.SWITCHED_OFF)
+            w.assign(self._mode, decided.Mode.SWITCHED_OFF)
             with w.when(left > 0.0):
-                w.assign(self._mode, Mode.TEST)
+                w.assign(self._mode, decided.Mode.TEST)
         with w.otherwise():
-            w.assign(left, longest_test_s(self._model))
+            w.assign(left, decided.longest_test_s(self._model))
         with w.when(~self._ready):
-            w.assign(self._mode, Mode.OFF)
+            w.assign(self._mode, decided.Mode.OFF)
             w.assign(left, 0.0)
 
     def _positions(self) -> None:
         w = self._w
-        for wired, (axis, (low, high)) in zip(self._wired, valid_positions_m(self._model).items(), strict=True):
+        for wired, (axis, (low, high)) in zip(self._wired, decided.valid_positions_m(self._model).items(), strict=True):
             at, code, back = self._at[axis], self._codes[axis], self._back[axis]
             w.assign(back, False)
             with w.when(is_number(wired)):
-                w.assign(back, is_code(code, SensorCode.MISSING))
+                w.assign(back, is_code(code, decided.SensorCode.MISSING))
                 w.assign(at, wired)
-                w.assign(code, SensorCode.OK)
+                w.assign(code, decided.SensorCode.OK)
                 with w.when((at < low) | (at > high)):
-                    w.assign(code, SensorCode.LIMITED)
+                    w.assign(code, decided.SensorCode.LIMITED)
             with w.otherwise():
-                w.assign(code, SensorCode.MISSING)
+                w.assign(code, decided.SensorCode.MISSING)
 
     def _restarted(self) -> None:
         w, guard = self._w, self._model.guard
@@ -173,7 +166,7 @@ class _Guarded:
         w.assign(off, 0.0)
         with w.when(self._standstill > 0.0):
             w.assign(off, self._standstill)
-        w.limit(off, most=LONGEST_S)
+        w.limit(off, most=decided.LONGEST_S)
         for sensor in self._sensors.values():
             sensor.passed(off)
         anew: Expression | None = None
@@ -189,7 +182,7 @@ class _Guarded:
         w.assign(self._since, 0.0)
         w.assign(self._held, 0.0)
         w.assign(self._test_left, 0.0)
-        w.assign(self._follows, Mode.HOLD)
+        w.assign(self._follows, decided.Mode.HOLD)
         for one in self._outputs:
             one.stopped()
         for adapted in self._adapted:
@@ -198,7 +191,7 @@ class _Guarded:
 
     def _sample(self) -> None:
         w = self._w
-        with w.when(is_code(self._mode, Mode.TEST)):
+        with w.when(is_code(self._mode, decided.Mode.TEST)):
             w.assign(self._test_left, self._test_left - self._since, least=0.0)
         for output in self._outputs:
             if output.adapted is not None:
@@ -247,35 +240,37 @@ class _Guarded:
 
     def _choose(self) -> None:
         w, guard, model = self._w, self._model.guard, self._model
-        w.assign(self._follows, Mode.MODEL)
+        w.assign(self._follows, decided.Mode.MODEL)
         with w.when(~self._can_be_used(model)):
-            w.assign(self._follows, Mode.RAMP_TO_ZERO if guard.last_resort == "ramp-to-zero" else Mode.HOLD)
+            w.assign(
+                self._follows, decided.Mode.RAMP_TO_ZERO if guard.last_resort == "ramp-to-zero" else decided.Mode.HOLD
+            )
             if guard.on_fault == "fallback":
                 for k in reversed(range(len(model.fallbacks))):
                     with w.when(self._can_be_used(model.fallbacks[k])):
-                        w.assign(self._follows, Mode.FALLBACK + k)
-        with w.when(is_code(self._follows, Mode.HOLD)):
-            w.assign(self._held, self._held + self._since, most=LONGEST_S)
+                        w.assign(self._follows, decided.Mode.FALLBACK + k)
+        with w.when(is_code(self._follows, decided.Mode.HOLD)):
+            w.assign(self._held, self._held + self._since, most=decided.LONGEST_S)
             if guard.hold_at_most_s is not None:
                 with w.when(self._held > guard.hold_at_most_s):
-                    w.assign(self._follows, Mode.RAMP_TO_ZERO)
+                    w.assign(self._follows, decided.Mode.RAMP_TO_ZERO)
         with w.otherwise():
             if guard.hold_at_most_s is None:
                 w.assign(self._held, 0.0)
             else:
-                with w.when(~is_code(self._follows, Mode.RAMP_TO_ZERO)):
+                with w.when(~is_code(self._follows, decided.Mode.RAMP_TO_ZERO)):
                     w.assign(self._held, 0.0)
 
     def _follow(self) -> None:
         w, model = self._w, self._model
-        with w.when(is_code(self._follows, Mode.RAMP_TO_ZERO)):
+        with w.when(is_code(self._follows, decided.Mode.RAMP_TO_ZERO)):
             for one in self._outputs:
                 one.aimed_at_zero()
-        with w.when(is_code(self._follows, Mode.MODEL)):
+        with w.when(is_code(self._follows, decided.Mode.MODEL)):
             self._aimed(model)
         if model.guard.on_fault == "fallback":
             for k, fallback in enumerate(model.fallbacks):
-                with w.when(is_code(self._follows, Mode.FALLBACK + k)):
+                with w.when(is_code(self._follows, decided.Mode.FALLBACK + k)):
                     w.remark(f"without {', '.join(fallback.without)}")
                     self._aimed(fallback)
 

@@ -10,21 +10,8 @@ from selector.controllers.evaluator import output_bound_um
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import LEAST_GOOD_SAMPLES, LONGEST_S, LONGEST_STEP_S, SAMPLE_S, decided_limits
 from selector.controllers.model_file import Fallback, ModelFile, kept_sha256
+from selector.controllers.program import language
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import (
-    Assign,
-    Expression,
-    Flag,
-    If,
-    Language,
-    Not,
-    Operation,
-    Program,
-    Remark,
-    Statement,
-    Variable,
-    plain,
-)
 from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, require_own_axes, with_sheet
 from selector.findings import Finding
 
@@ -66,7 +53,7 @@ def literal_value(value: float) -> float:
 
 def remarks(text: str) -> Iterator[str]:
     """Comment blocks: capital letters, digits, few signs, [ ] for ( ), so that nothing can end a comment or a block."""
-    bracketed = plain(text).upper().translate(str.maketrans("():;", "[],,"))
+    bracketed = language.plain(text).upper().translate(str.maketrans("():;", "[],,"))
     harmless = re.sub(r"[^A-Z0-9 .,+\-*/=\[\]]", " ", bracketed)
     yield from (f"({line})" for line in wrap(harmless, LONGEST_BLOCK - 2))
 
@@ -186,13 +173,13 @@ class MacroVariables:
     last_kept: int
 
 
-class _MacroText(Language):
+class _MacroText(language.Language):
     """Expressions of custom macro B; brackets group, codes and flags are numbers."""
 
     def __init__(self, numbers: Mapping[str, int]) -> None:
         self.numbers = numbers
 
-    def name(self, variable: Variable) -> str:
+    def name(self, variable: language.Variable) -> str:
         return f"#{self.numbers[variable.name]}"
 
     def real(self, value: float) -> str:
@@ -204,7 +191,7 @@ class _MacroText(Language):
     def code(self, value: int) -> str:
         return f"{value}."
 
-    def text(self, of: Expression) -> str:
+    def text(self, of: language.Expression) -> str:
         """A real number, a code or a flag that is no condition."""
         return self.expression(of).replace("(", "[").replace(")", "]").replace(" ", "")
 
@@ -217,18 +204,18 @@ class _Blocks:
         self._language = _MacroText(numbers)
         self._label = _FIRST_LABEL - 1
 
-    def lines(self, body: Sequence[Statement]) -> Iterator[str]:
+    def lines(self, body: Sequence[language.Statement]) -> Iterator[str]:
         for one in body:
-            if isinstance(one, Remark):
+            if isinstance(one, language.Remark):
                 yield from remarks(one.text)
-            elif isinstance(one, If):
+            elif isinstance(one, language.If):
                 yield from self._branches(one)
             else:
                 yield from self._assigned(one)
 
-    def _assigned(self, one: Assign) -> Iterator[str]:
+    def _assigned(self, one: language.Assign) -> Iterator[str]:
         to = self._language.name(one.to)
-        if one.to.kind == "flag" and not isinstance(one.value, Variable | Flag):
+        if one.to.kind == "flag" and not isinstance(one.value, language.Variable | language.Flag):
             otherwise = self._next()
             yield f"{to}=0."
             yield from self._jumps(one.value, otherwise, when=False)
@@ -239,7 +226,7 @@ class _Blocks:
         if len(block) <= LONGEST_BLOCK:
             yield block
             return
-        if not isinstance(one.value, Operation) or one.value.sign != "+":
+        if not isinstance(one.value, language.Operation) or one.value.sign != "+":
             raise ExportRefusedError(
                 f"a block of {len(block)} characters",
                 expected=f"at most {LONGEST_BLOCK}",
@@ -248,8 +235,8 @@ class _Blocks:
             )
         # a sum plus a long product
         part, factor = "", one.value.right
-        factors: list[Expression] = []
-        while isinstance(factor, Operation) and factor.sign == "*":
+        factors: list[language.Expression] = []
+        while isinstance(factor, language.Operation) and factor.sign == "*":
             factors.insert(0, factor.right)
             factor = factor.left
         for of in [factor, *factors]:
@@ -261,8 +248,8 @@ class _Blocks:
         yield f"#{_PART}={part}"
         yield f"{to}={self._language.text(one.value.left)}+#{_PART}"
 
-    def _branches(self, one: If) -> Iterator[str]:
-        if not any(isinstance(inner, Assign | If) for inner in (*one.then, *one.otherwise)):
+    def _branches(self, one: language.If) -> Iterator[str]:
+        if not any(isinstance(inner, language.Assign | language.If) for inner in (*one.then, *one.otherwise)):
             return
         short = self._short(one)
         if short:
@@ -279,22 +266,22 @@ class _Blocks:
             otherwise = end
         yield f"N{otherwise}"
 
-    def _short(self, one: If) -> str:
+    def _short(self, one: language.If) -> str:
         """IF … THEN in one block; empty: it is more than that."""
-        if len(one.then) != 1 or one.otherwise or not isinstance(one.then[0], Assign):
+        if len(one.then) != 1 or one.otherwise or not isinstance(one.then[0], language.Assign):
             return ""
         inner, condition = one.then[0], one.condition
-        is_condition = inner.to.kind == "flag" and not isinstance(inner.value, Variable | Flag)
-        if is_condition or not isinstance(condition, Operation) or condition.sign not in self._SIGNS:
+        is_condition = inner.to.kind == "flag" and not isinstance(inner.value, language.Variable | language.Flag)
+        if is_condition or not isinstance(condition, language.Operation) or condition.sign not in self._SIGNS:
             return ""
         block = f"IF[{self._compared(condition, self._SIGNS)}]THEN{next(iter(self._assigned(inner)))}"
         return block if len(block) <= LONGEST_BLOCK else ""
 
-    def _jumps(self, condition: Expression, to: int, *, when: bool) -> Iterator[str]:
+    def _jumps(self, condition: language.Expression, to: int, *, when: bool) -> Iterator[str]:
         """To a label if the condition is as said."""
-        if isinstance(condition, Not):
+        if isinstance(condition, language.Not):
             yield from self._jumps(condition.of, to, when=not when)
-        elif isinstance(condition, Operation) and condition.sign in ("and", "or"):
+        elif isinstance(condition, language.Operation) and condition.sign in ("and", "or"):
             if (condition.sign == "or") == when:
                 yield from self._jumps(condition.left, to, when=when)
                 yield from self._jumps(condition.right, to, when=when)
@@ -303,12 +290,12 @@ class _Blocks:
                 yield from self._jumps(condition.left, past, when=not when)
                 yield from self._jumps(condition.right, to, when=when)
                 yield f"N{past}"
-        elif isinstance(condition, Operation):
+        elif isinstance(condition, language.Operation):
             yield f"IF[{self._compared(condition, self._SIGNS if when else self._OPPOSITE)}]GOTO{to}"
         else:
             yield f"IF[{self._language.text(condition)}{'NE' if when else 'EQ'}0.]GOTO{to}"
 
-    def _compared(self, of: Operation, signs: Mapping[str, str]) -> str:
+    def _compared(self, of: language.Operation, signs: Mapping[str, str]) -> str:
         return f"{self._language.text(of.left)}{signs[of.sign]}{self._language.text(of.right)}"
 
     def _next(self) -> int:
@@ -347,11 +334,15 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
         first_kept=FIRST_KEPT,
         last_kept=names.last_kept,
         digits=SIGNIFICANT_DIGITS,
-        readings=", ".join(f"#{number} = {plain(name)} [{units[name]}]" for name, number in names.readings.items()),
+        readings=", ".join(
+            f"#{number} = {language.plain(name)} [{units[name]}]" for name, number in names.readings.items()
+        ),
         file=FILE,
         program=PROGRAM,
         status=STATUS,
-        sensors=", ".join(f"#{program[f'sensor_{k}']} of {plain(item.name)}" for k, item in enumerate(model.inputs, 1)),
+        sensors=", ".join(
+            f"#{program[f'sensor_{k}']} of {language.plain(item.name)}" for k, item in enumerate(model.inputs, 1)
+        ),
         pause_min=LONGEST_PAUSE_S / 60.0,
         calls=LEAST_GOOD_SAMPLES + 2,
         apart_s=max(1.0, model.guard.recover_after_s / LEAST_GOOD_SAMPLES),
@@ -384,7 +375,7 @@ def macro_variables(model: ModelFile) -> MacroVariables:
     return MacroVariables(readings, tests, off, numbers, last_volatile, last_kept)
 
 
-def _guarded(model: ModelFile) -> Program:
+def _guarded(model: ModelFile) -> language.Program:
     """The program of an axis that is always ready, on a control that is never told of a restart."""
     return guarded_program(macro_model(model)).with_flags({"is_ready": True, "is_restart": False})
 
@@ -426,7 +417,7 @@ def _axes(model: ModelFile) -> dict[str, str]:
     return axes
 
 
-def _begun(model: ModelFile, program: Program, names: MacroVariables) -> Iterator[str]:
+def _begun(model: ModelFile, program: language.Program, names: MacroVariables) -> Iterator[str]:
     number = literal(float(int(kept_sha256(model)[:6], 16)))
     yield f"IF[#{_MODEL}EQ{number}]GOTO{_BEGUN}"
     yield from remarks("first call of this model")

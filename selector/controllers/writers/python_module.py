@@ -2,9 +2,8 @@
 
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.model_file import ModelFile, kept_sha256
-from selector.controllers.program.executed import PythonText
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import PLACES, Program, plain
+from selector.controllers.program.language import PLACES, Program, PythonText, plain
 from selector.controllers.program.statements import NO_READING
 from selector.controllers.writers.exported import Exported, filled, heading, require_axes, require_own_axes, with_sheet
 
