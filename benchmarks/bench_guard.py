@@ -27,10 +27,9 @@ from selector.controllers import read_model
 from selector.controllers.c_compiler import compiler, compiler_version
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.program.guarded_program import axes_of
-from selector.controllers.replay.compiled import c_answers, halrun_answers, missing_program, python_answers
-from selector.controllers.replay.fmu_executed import fmu_answers
-from selector.controllers.replay.klipper_executed import klipper_answers
+from selector.controllers.replay.compiled import c_answers, fmu_answers, halrun_answers, missing_program, python_answers
 from selector.controllers.replay.parts import Answers, Rows, reference_answers
+from selector.controllers.replay.printers_executed import klipper_answers
 from selector.controllers.replay.structured_text_executed import st_answers, text_of_plcopen
 from selector.controllers.writers.sinumerik import scl_text
 from selector.controllers.writers.structured_text import plcopen_export

@@ -17,7 +17,7 @@ from statistics import median
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from selector.controllers import Guard, Input, ModelFile, Output, State, Term
-from selector.controllers.replay.klipper_executed import Printer
+from selector.controllers.replay.printers_executed import Printer
 from selector.controllers.writers.klipper import MOST_INPUTS, klipper_extra
 
 

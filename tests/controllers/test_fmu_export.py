@@ -17,7 +17,7 @@ from selector.controllers.c_compiler import compiler
 from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import Mode, decided_limits
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.replay.fmu_executed import fmpy_version, fmu_answers
+from selector.controllers.replay.compiled import fmpy_version, fmu_answers
 from selector.controllers.replay.parts import Answers, Rows, reference_answers
 from selector.controllers.writers.fmu import FILE, _binary, fmu_export
 from selector.errors import NotExecutableError

@@ -17,7 +17,7 @@ from selector.controllers import Guard, Input, Output, OutputLimits, PositionPar
 from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.model_file import equations_sha256
-from selector.controllers.replay.klipper_executed import Printer, klipper_answers
+from selector.controllers.replay.printers_executed import Printer, klipper_answers
 from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.klipper import COMMAND, MOST_INPUTS, klipper_export, klipper_extra
 from tests.controllers import hostile

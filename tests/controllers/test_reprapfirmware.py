@@ -12,7 +12,7 @@ import pytest
 from selector.controllers import Guard, Input, Output, OutputLimits, State, Term, read_model
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.replay.parts import Answers, Rows, reference_answers
-from selector.controllers.replay.reprapfirmware_executed import reprapfirmware_answers
+from selector.controllers.replay.printers_executed import reprapfirmware_answers
 from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.fanuc import macro_model
 from selector.controllers.writers.reprapfirmware import DAEMON, START, STEP, reprapfirmware_export

@@ -1,6 +1,8 @@
-"""Generated C, compiled by the system's compiler or, for LinuxCNC, by halcompile, and the generated Python module."""
+"""Generated C, compiled by the system's compiler, for LinuxCNC by halcompile, or in a unit that FMPy runs; Python."""
 
 import ctypes
+import importlib
+import io
 import os
 import shutil
 import signal
@@ -9,18 +11,21 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.controllers.c_compiler import compiled, compiler
+from selector.controllers.c_compiler import compiled, compiler, compiler_version
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.parts import Answers, Rows, called
 from selector.controllers.writers.c99 import NAME, Precision, c_files
+from selector.controllers.writers.fmu import FILE, fmu_export
 from selector.controllers.writers.linuxcnc import NAME as COMPONENT
 from selector.controllers.writers.linuxcnc import Pin, component, input_pins, output_pins
 from selector.controllers.writers.python_module import CLASS, MODULE_NAME, python_files
@@ -324,3 +329,62 @@ def _sampled(outputs: list[Pin], n: int, folder: Path) -> dict[str, Array]:
         table = np.array(words, dtype=np.float64).reshape(n, len(pins))
         columns |= {pin.name: table[:, i] for i, pin in enumerate(pins)}
     return columns
+
+
+TYPES = ("Float64", "Boolean", "Int32")
+
+
+def fmpy_version() -> str:
+    """What runs the unit, and what made its binary."""
+    try:
+        return f"FMPy {version('FMPy')}, {compiler_version(compiler())}"
+    except PackageNotFoundError:
+        return "no FMPy"
+
+
+def fmu_answers(model: ModelFile, rows: Rows, files: Mapping[str, Any] | None = None) -> Answers:
+    """What the unit gives; default: as exported."""
+    try:
+        fmpy = importlib.import_module("fmpy")
+    except ImportError as error:
+        raise NotExecutableError(
+            "no FMPy",
+            expected="the package FMPy, which runs functional mock-up units",
+            where="--replay",
+            advice="in the folder of selector: pip install '.[fmu]'; or export without --replay",
+        ) from error
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        fmpy.extract(io.BytesIO((files or fmu_export(model).files)[FILE]), folder)
+        if not (Path(folder) / "binaries" / fmpy.platform_tuple).is_dir():
+            raise NotExecutableError(
+                f"the unit has no binary for {fmpy.platform_tuple}",
+                expected="one, which the C compiler makes when the unit is exported",
+                where="--replay",
+                advice="install a C compiler (Debian: apt install gcc) and export again, or export without --replay",
+            )
+        description = fmpy.read_model_description(folder)
+        unit = fmpy.instantiate_fmu(folder, description, "CoSimulation")
+        try:
+            unit.enterInitializationMode()
+            unit.exitInitializationMode()
+            return _stepped(unit, description.modelVariables, model, rows)
+        finally:
+            unit.freeInstance()
+
+
+def _stepped(unit: Any, variables: Any, model: ModelFile, rows: Rows) -> Answers:
+    row, given = SimpleNamespace(at_s=0.0), rows.columns(model).keys()
+    into = [[one for one in variables if one.type == kind and one.name in given] for kind in TYPES]
+    out = [[one for one in variables if one.type == kind and one.causality == "output"] for kind in TYPES]
+
+    def step() -> None:
+        for kind, of in zip(TYPES, into, strict=True):
+            values = [getattr(row, one.name) for one in of]
+            getattr(unit, f"set{kind}")([one.valueReference for one in of], values)
+        unit.doStep(row.at_s, row.dt_s)
+        row.at_s += row.dt_s
+        for kind, of in zip(TYPES, out, strict=True):
+            found = getattr(unit, f"get{kind}")([one.valueReference for one in of])
+            vars(row).update(zip((one.name for one in of), found, strict=True))
+
+    return called(row, step, model, rows, "", float)

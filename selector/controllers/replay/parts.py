@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from selector.controllers.evaluator import axes_of, evaluate
 from selector.controllers.guard.decided import LARGEST_NUMBER, decided_limits, is_turned
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.executed import Number, executable
 from selector.controllers.program.guarded_program import guarded_program
+from selector.controllers.program.language import Number, executable
 from selector.controllers.single_precision import SINGLE
 from selector.types import Array, Indices, Mask
 

@@ -14,12 +14,12 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.compiled import (
     RESOLUTION_UM,
     c_answers,
+    fmpy_version,
+    fmu_answers,
     halrun_answers,
     linuxcnc_version,
     python_answers,
 )
-from selector.controllers.replay.fmu_executed import fmpy_version, fmu_answers
-from selector.controllers.replay.klipper_executed import klipper_answers
 from selector.controllers.replay.macro_b_executed import macro_b_answers, macro_corrections_um
 from selector.controllers.replay.parts import (
     Answers,
@@ -33,7 +33,7 @@ from selector.controllers.replay.parts import (
     unguarded_um,
     units_in_single_um,
 )
-from selector.controllers.replay.reprapfirmware_executed import reprapfirmware_answers
+from selector.controllers.replay.printers_executed import klipper_answers, reprapfirmware_answers
 from selector.controllers.replay.structured_text_executed import (
     drive_answers,
     parser_name,
