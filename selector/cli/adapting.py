@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from selector.cli.models import Model
 from selector.cli.shared import showing
-from selector.cli.shared.files import require_folder
 from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import counted_progress
-from selector.cli.shared.showing import AsJson, Everything
+from selector.cli.shared.showing import AsJson, Everything, require_folder
 from selector.cli.shared.source import Source, with_source
 from selector.errors import OptionError, RecordingError
 

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from selector.atomic_file import begins_with
 from selector.cli.selecting import Responses
 from selector.cli.shared import showing
-from selector.cli.shared.files import require_folder
 from selector.cli.shared.option_table import option
-from selector.cli.shared.showing import AsJson, Everything
+from selector.cli.shared.showing import AsJson, Everything, require_folder
 from selector.cli.shared.source import Source, with_source
 from selector.errors import Misfit, OptionError, refuse
 

@@ -7,10 +7,9 @@ from typing import Annotated
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import write_answer
 from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import counted_progress
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, write_answer
 
 
 def prove(

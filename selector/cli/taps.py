@@ -4,10 +4,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from selector.cli.shared import showing
-from selector.cli.shared.files import require_folder
 from selector.cli.shared.option_table import argument, option, unusable_option
 from selector.cli.shared.progress import progress_bar
-from selector.cli.shared.showing import AsJson, Everything
+from selector.cli.shared.showing import AsJson, Everything, require_folder
 from selector.cli.shared.simulation_files import named
 
 
