@@ -60,7 +60,7 @@ def diagnose(
         showing.print_json(found.as_dict())
         showing.show_findings(console, beside)
     else:
-        from selector.telling.diagnosed.account import diagnosis_account
+        from selector.telling.diagnosed import diagnosis_account
 
         showing.show_answer(console, diagnosis_account(found), (*found.findings, *beside), everything=everything)
     if out is not None:

@@ -134,7 +134,7 @@ def predict(
     from selector.readers.cycle_file import day_readings, heating_tests, read_cycle
     from selector.recording import of_axis
     from selector.study.data import drift_of, provenance_of
-    from selector.telling.predicted.account import prediction_account
+    from selector.telling.predicted import prediction_account
 
     lengths_s = asked.operations_s()
     asked.require_usable(out)

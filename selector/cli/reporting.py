@@ -58,13 +58,11 @@ def report(
 
 def _page(result: Result, say: Say) -> str:
     from selector.controllers.model_file import read_model
-    from selector.telling.diagnosed.account import diagnosis_account
-    from selector.telling.diagnosed.document import diagnosis_of
+    from selector.telling.diagnosed import diagnosis_account
     from selector.telling.model_card import model_card_account
     from selector.telling.page import account_page
-    from selector.telling.predicted.account import prediction_account
-    from selector.telling.predicted.document import prediction_of
-    from selector.telling.result_file import made_of
+    from selector.telling.predicted import prediction_account
+    from selector.telling.result_file import diagnosis_of, made_of, prediction_of
 
     if result.kind == "selection":
         return _selection_page(result, say)
@@ -94,7 +92,7 @@ def _selection_page(result: Result, say: Say) -> str:
 def _diagnosis_again(result: Result, say: Say) -> str | None:
     """The whole page of a diagnosis, made from its recordings; None where that cannot be."""
     from selector.cli.shared.diagnosed import answered, asked_of
-    from selector.telling.diagnosed.account import diagnosis_account
+    from selector.telling.diagnosed import diagnosis_account
     from selector.telling.page import account_page
 
     study = _unchanged_study(result, say, "pictures and evidence")

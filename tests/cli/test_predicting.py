@@ -12,7 +12,7 @@ import pytest
 
 from selector.cli import exit_status
 from selector.physics.thermal.prediction.prediction import Prediction
-from selector.telling.predicted.document import prediction_of
+from selector.telling.result_file import prediction_of
 from tests.physics.thermal.modes_chosen import modes_chosen_once as modes_chosen_once
 
 FIXTURES = Path(__file__).resolve().parents[2] / "fixtures" / "dutycycle"

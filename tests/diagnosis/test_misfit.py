@@ -22,8 +22,8 @@ from selector.diagnosis.matching.runs import pure_error, repeats
 from selector.diagnosis.shapes.signals import lagged
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
-from selector.telling.diagnosed.account import diagnosis_account
-from selector.telling.diagnosed.document import diagnosis_of
+from selector.telling.diagnosed import diagnosis_account
+from selector.telling.result_file import diagnosis_of
 from tests.diagnosis.made import comparison
 
 N = 3 * 600

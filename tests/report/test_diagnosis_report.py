@@ -9,9 +9,9 @@ import pytest
 
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.wording import headline, what_to_do
-from selector.telling.diagnosed.account import diagnosis_account
-from selector.telling.diagnosed.document import diagnosis_of
+from selector.telling.diagnosed import diagnosis_account
 from selector.telling.page import account_page, write_account
+from selector.telling.result_file import diagnosis_of
 from tests.diagnosis.answers import answer, memory_effect
 from tests.report.studies import HOSTILE
 from tests.report.test_selection_report import MEGABYTE, Page

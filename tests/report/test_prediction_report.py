@@ -11,8 +11,8 @@ import pytest
 
 from selector.findings import Finding, Where
 from selector.telling.page import account_page, write_account
-from selector.telling.predicted.account import prediction_account, prediction_advice
-from selector.telling.predicted.document import prediction_of
+from selector.telling.predicted import prediction_account, prediction_advice
+from selector.telling.result_file import prediction_of
 from tests.report import predictions
 from tests.report.studies import HOSTILE
 from tests.report.test_selection_report import DESCRIPTION, MEGABYTE, Page

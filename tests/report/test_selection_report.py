@@ -23,9 +23,14 @@ from selector.telling.numbers import beside_text, given_text, p_text, place_text
 from selector.telling.origin import label_of
 from selector.telling.page import account_page
 from selector.telling.selected import account
-from selector.telling.selected.account import gain_table, selection_account, write_report
+from selector.telling.selected.account import (
+    coefficient_rows,
+    formula_text,
+    gain_table,
+    selection_account,
+    write_report,
+)
 from selector.telling.selected.advice import advice
-from selector.telling.selected.formula import coefficient_rows, formula_text
 from tests.report import studies
 
 DESCRIPTION = {

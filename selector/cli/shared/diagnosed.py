@@ -279,7 +279,7 @@ _OURS = {
 def write_results(answer: Answer, folder: Path) -> list[str]:
     """diagnosis.json, report.html, and the improved model or a correction, into a folder; their names."""
     from selector.cli.shared.showing import json_text
-    from selector.telling.diagnosed.account import diagnosis_account
+    from selector.telling.diagnosed import diagnosis_account
     from selector.telling.page import write_account
 
     found, improved = answer.found, answer.improved

@@ -9,8 +9,8 @@ from dash.development.base_component import Component
 
 from selector.errors import OptionError
 from selector.study import DiagnoseSection
-from selector.telling.diagnosed.account import diagnosis_account
-from selector.telling.diagnosed.document import diagnosis_of
+from selector.telling.diagnosed import diagnosis_account
+from selector.telling.result_file import diagnosis_of
 from selector.workbench import parts, typed
 from selector.workbench.bench import BESIDE, Bench
 from selector.workbench.boxes import Box, Boxes, several

@@ -12,8 +12,8 @@ from dash.development.base_component import Component
 from selector.controllers.timed_program import TARGETS
 from selector.errors import OptionError
 from selector.figures.duty_cycle import drawn_cycle
-from selector.telling.predicted.account import prediction_account
-from selector.telling.predicted.document import prediction_of
+from selector.telling.predicted import prediction_account
+from selector.telling.result_file import prediction_of
 from selector.workbench import parts
 from selector.workbench.bench import Bench
 from selector.workbench.boxes import Box, Boxes, one_of, one_path, several, tick
