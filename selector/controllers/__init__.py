@@ -3,7 +3,6 @@
 from selector.controllers.application import Accuracy as Accuracy
 from selector.controllers.application import Application as Application
 from selector.controllers.application import apply_model as apply_model
-from selector.controllers.evaluator import Evaluator as Evaluator
 from selector.controllers.evaluator import evaluate as evaluate
 from selector.controllers.evaluator import formula_text as formula_text
 from selector.controllers.guard.decided import DecidedLimits as DecidedLimits

@@ -1,4 +1,4 @@
-"""What a model file means, sample by sample and in blocks to the last bit, and as a person would write it."""
+"""What a model file means: its outputs on a run, to the last bit, and as a person would write it."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -21,44 +21,6 @@ Equations = ModelFile | Fallback
 def axes_of(model: Equations) -> tuple[str, ...]:
     """The axes whose position a model needs, in the order of their numbers in programs."""
     return tuple(dict.fromkeys(output.position.axis for output in model.outputs if output.position is not None))
-
-
-class Evaluator:
-    """One sample after another: the executable meaning of `selector.model/1`.
-
-    A reading that is not a finite number is missing: outputs that need it are NaN, the memory of its sensor waits, and
-    time goes on for it when readings come back. A start reading that is not given is the first reading.
-    """
-
-    def __init__(self, model: Equations, start_readings: Mapping[str, float] | None = None) -> None:
-        self._model = model
-        self._start = {name: float(value) for name, value in (start_readings or {}).items()}
-        self._memory: dict[str, tuple[float, float]] = {}
-
-    def step(
-        self, time_s: float, readings: Mapping[str, float], positions_m: Mapping[str, float] | None = None
-    ) -> dict[str, float]:
-        """The outputs [µm] at the next sample; `positions_m` by axis [m], none = every axis at its reference."""
-        x: dict[str, float] = {}
-        z: dict[str, Any] = {}
-        for item in self._model.inputs:
-            value = float(readings[item.name])
-            if not math.isfinite(value):
-                value = math.nan
-            elif item.reference == "rise":
-                value = value - self._start.setdefault(item.name, value)
-            x[item.name] = value
-            z[item.name] = (value - item.centre) / item.scale
-        for state in self._model.states:
-            value = x[state.source]
-            if value == value:
-                if state.name in self._memory:
-                    before_s, lagged = self._memory[state.name]
-                    dt_s = time_s - before_s
-                    value = lagged + dt_s / (state.tau_s + dt_s) * (value - lagged)
-                self._memory[state.name] = (time_s, value)
-            z[state.name] = (value - state.centre) / state.scale
-        return {output.name: _displacement(output, z, positions_m) for output in self._model.outputs}
 
 
 def _displacement(output: Output, z: Mapping[str, Any], positions_m: Mapping[str, Any] | None) -> Any:
@@ -93,10 +55,11 @@ def evaluate(
     positions_m: Mapping[str, ArrayLike] | None = None,
     earlier: Sequence[tuple[Array, Mapping[str, Array]]] = (),
 ) -> dict[str, Array]:
-    """The outputs [µm] of a run, the same bits as `Evaluator` gives sample by sample.
+    """The outputs [µm] of a run: the executable meaning of `selector.model/1`.
 
     `time_s`, and every series of readings [unit of the input] and of positions [m], have the shape (n_samples,); a
-    reading that is not finite is missing. Default of the start readings: the first finite ones; of the positions: the
+    reading that is not finite is missing: outputs that need it are NaN, the memory of its sensor waits, and time goes
+    on for it when readings come back. Default of the start readings: the first finite ones; of the positions: the
     reference. Memory goes on from `earlier` (time, readings).
 
     Raises RecordingError: an input has no readings, lengths differ or time does not increase.
@@ -110,7 +73,7 @@ def evaluate(
     start |= {name: float(value) for name, value in (start_readings or {}).items()}
     memory: dict[str, tuple[float, float]] = {}
     result = {output.name: np.empty(len(time)) for output in model.outputs}
-    # overflow gives inf and NaN, as it does in Evaluator
+    # overflow gives inf and NaN
     with np.errstate(over="ignore", invalid="ignore"):
         for times, before in earlier:
             _scaled(model, times, before, start, memory)

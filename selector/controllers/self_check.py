@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from selector.controllers.closed_values import CheckVector, GuardVector
-from selector.controllers.evaluator import Equations, Evaluator, output_bound_um
+from selector.controllers.evaluator import Equations, evaluate, output_bound_um
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.guard.guarded_model import GuardedModel
@@ -212,12 +212,8 @@ def _vector(
 
 
 def _recomputed(model: Equations, vector: CheckVector) -> dict[str, tuple[float, ...]]:
-    evaluator, steps = Evaluator(model, vector.start_readings), []
-    for k, time_s in enumerate(vector.time_s):
-        readings = {name: series[k] for name, series in vector.readings.items()}
-        positions = {axis: series[k] for axis, series in (vector.positions_m or {}).items()}
-        steps.append(evaluator.step(time_s, readings, positions or None))
-    return {output.name: tuple(step[output.name] for step in steps) for output in model.outputs}
+    found = evaluate(model, vector.time_s, vector.readings, vector.start_readings, vector.positions_m)
+    return {output: tuple(series.tolist()) for output, series in found.items()}
 
 
 def _at(item: Input, share: float) -> float:

@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.controllers import evaluator
-from selector.controllers.evaluator import Evaluator, evaluate, evaluate_after
+from selector.controllers.evaluator import evaluate, evaluate_after
 from selector.controllers.model_file import Input, ModelFile, Output, State, Term
 from selector.errors import RecordingError
 from selector.models.design import lagged
 from tests.controllers.model_builders import rich_model, rise_model, warm_up
+from tests.controllers.stepwise import Evaluator
 from tests.work import counted_calls
 
 

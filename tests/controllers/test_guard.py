@@ -11,12 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.controllers import Evaluator, Guard, OutputLimits
+from selector.controllers import Guard, OutputLimits
 from selector.controllers.guard.decided import Mode, SensorCode, decided_limits
 from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.replay.parts import reference_answers
 from tests.controllers import hostile
 from tests.controllers.model_builders import rich_model, rise_model, starts_of
+from tests.controllers.stepwise import Evaluator
 
 FAST = OutputLimits(output="Z", clamp_um=100.0, slew_um_per_s=1e6)
 

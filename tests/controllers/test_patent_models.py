@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from selector.controllers.evaluator import Evaluator, formula_text, physical_coefficients
+from selector.controllers.evaluator import formula_text, physical_coefficients
 from selector.controllers.model_file import model_text, read_model
 from selector.controllers.self_check import model_findings
+from tests.controllers.stepwise import Evaluator
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {

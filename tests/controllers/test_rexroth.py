@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from selector.controllers import Evaluator, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
+from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
 from selector.controllers.model_file import read_model
 from selector.controllers.replay.parts import Rows, reference_answers
 from selector.controllers.replay.structured_text_executed import drive_answers
@@ -17,6 +17,7 @@ from selector.controllers.writers.rexroth import FILE, LARGEST_LOSS_UM, drive_pa
 from selector.errors import InputError
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
+from tests.controllers.stepwise import Evaluator
 
 ROOT = Path(__file__).resolve().parents[2]
 

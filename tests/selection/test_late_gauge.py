@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from selector.controllers.application import apply_model, known_starts, sensor_starts, without_displacement_faults
-from selector.controllers.evaluator import Evaluator
 from selector.controllers.from_selection import model_file_of
 from selector.controllers.model_file import Input, ModelFile, Output, State, Term
 from selector.models.run_before import another_before, begun, chain_before, runs_before
 from selector.quality.completeness import START_SAMPLES
 from selector.recording import Recording
 from selector.selection import Options, select
+from tests.controllers.stepwise import Evaluator
 from tests.models.runs import InPieces, recording
 from tests.selection.machines import found_ids, linear, machine
 
