@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from selector.controllers.model_file import Fallback, Input, ModelFile, Output, State, Term
 from selector.errors import RecordingError
 from selector.models.design import lagged
+from selector.number_text import SUPERSCRIPTS
 from selector.types import Array
 
 BLOCK_SAMPLES = 8192  #: Samples worked on at a time: the values of 37 inputs stay in the processor's cache.
@@ -185,8 +186,6 @@ SIGNIFICANT_DIGITS = 5
 # errors of the fit; float64 itself resolves 1e-16 of it.
 _NEGLIGIBLE = 1e-12
 
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
 
 def physical_coefficients(model: Equations) -> dict[str, Polynomial]:
     """Per output, the polynomial [µm] in rises, readings and their lags instead of scaled values.
@@ -278,7 +277,7 @@ def _sum(model: Equations, intercept: float, terms: Mapping[Powers, float]) -> s
         if largest > 0.0 and sizes[key] < _NEGLIGIBLE * largest:
             continue
         product = "·".join(
-            symbols[name] + (str(power).translate(_SUPERSCRIPTS) if power > 1 else "") for name, power in key
+            symbols[name] + (str(power).translate(SUPERSCRIPTS) if power > 1 else "") for name, power in key
         )
         parts.append((value, f"{_number(abs(value))}·{product}"))
     text = ("−" if parts[0][0] < 0 else "") + parts[0][1]
@@ -296,5 +295,5 @@ def _number(value: float) -> str:
     text = f"{value:.{SIGNIFICANT_DIGITS}g}"
     if "e" in text:
         digits, exponent = text.split("e")
-        text = f"{digits}·10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
+        text = f"{digits}·10{str(int(exponent)).translate(SUPERSCRIPTS)}"
     return text.replace("-", "−")

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -248,11 +248,7 @@ def _applied(place: Path, reading: Reading) -> tuple[_Squares, list[str]]:
     per_run = application.per_run
     told = {output.name: {run: of[output.name].rmse_um for run, of in per_run.items()} for output in model.outputs}
     squares = {name: {run: rmse**2 for run, rmse in of.items() if rmse is not None} for name, of in told.items()}
-    return squares, _errors(application.findings)
-
-
-def _errors(findings: Iterable[Finding]) -> list[str]:
-    return [one.statement for one in findings if one.level == "error"]
+    return squares, [one.statement for one in application.findings if one.level == "error"]
 
 
 def kept(champion: Answer, because: str, challenger: str | None = None) -> Answer:

@@ -194,7 +194,7 @@ def test_the_line_of_a_control_goes_on_where_the_model_stops():
     rows.positions_m[:] = [[np.nan], [-3.0]] * 100
     np.testing.assert_array_equal(places_m(model, rows)[:, 0], [0.1, *[-3.0] * 199])
     whole = reference_answers(model, rows)
-    line = straight_line_um(model, rows, whole)[:, 0]
+    line = straight_line_um(model, rows, whole, whole)[:, 0]
     np.testing.assert_allclose(line[1:], (whole.k0_um - 3.1 * whole.slope_um_per_m)[1:, 0], rtol=0.0, atol=1e-12)
     assert np.abs(line).max() > 20.0
 

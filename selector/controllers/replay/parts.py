@@ -148,13 +148,13 @@ def unguarded_um(model: ModelFile, rows: Rows) -> Array:
     return np.where(np.isfinite(displacement), signs * displacement, 0.0)
 
 
-def straight_line_um(model: ModelFile, rows: Rows, answers: Answers) -> Array:
+def straight_line_um(model: ModelFile, rows: Rows, _whole: Answers, main: Answers) -> Array:
     """K0 + m · (P − P0) wherever the axis stands, of shape (n_rows, n_outputs) [µm]: no control clamps its line."""
-    line, places, axes = answers.k0_um.copy(), places_m(model, rows), axes_of(model)
+    line, places, axes = main.k0_um.copy(), places_m(model, rows), axes_of(model)
     for k, output in enumerate(model.outputs):
         if output.position is not None:
             away_m = places[:, axes.index(output.position.axis)] - output.position.reference_m
-            line[:, k] += answers.slope_um_per_m[:, k] * away_m
+            line[:, k] += main.slope_um_per_m[:, k] * away_m
     return line
 
 

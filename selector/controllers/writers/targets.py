@@ -104,14 +104,10 @@ def _alone(execute: Callable[..., Answers]) -> Execution:
     return lambda model, rows, files, _main: execute(model, rows, files=files)
 
 
-def _line(model: ModelFile, rows: Rows, _whole: Answers, main: Answers) -> Array:
-    return straight_line_um(model, rows, main)
-
-
-def _line_of_sinumerik(model: ModelFile, rows: Rows, _whole: Answers, main: Answers) -> Array:
+def _line_of_sinumerik(model: ModelFile, rows: Rows, whole: Answers, main: Answers) -> Array:
     """The whole correction where the slope is over another axis, else the straight line."""
     has_line = [has_own_line(output) for output in model.outputs]
-    return np.where(has_line, straight_line_um(model, rows, main), main.correction_um)
+    return np.where(has_line, straight_line_um(model, rows, whole, main), main.correction_um)
 
 
 _ST_FILE, _SCL_FILE, _BLOCK_FILE, _XML_FILE = f"{NAME}.st", f"{NAME}.scl", f"{BLOCK}.TcPOU", f"{BLOCK}.xml"
@@ -173,7 +169,10 @@ TARGETS: Mapping[str, Target] = {
     "beckhoff": Target(
         "Beckhoff TwinCAT CNC TF5200",
         beckhoff_export,
-        (_BLOCK_OF_TWINCAT, Part(ADS_TABLE, temp_comp_answers, _own("formula of TF5200"), _line, tenths_um, _NO_CLAMP)),
+        (
+            _BLOCK_OF_TWINCAT,
+            Part(ADS_TABLE, temp_comp_answers, _own("formula of TF5200"), straight_line_um, tenths_um, _NO_CLAMP),
+        ),
         not_always=("temp_comp_*.lis",),
     ),
     "fanuc": Target(
