@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from selector.physics.vibration.chains import Agreement, ChainAccuracy, chain_accuracy
 from selector.physics.vibration.model_file import read_model_file
-from selector.physics.vibration.structure.source import excitation
-from selector.physics.vibration.structure.structure import Structure, receptance, receptances, structure_modes
+from selector.physics.vibration.structure import Structure, excitation, receptance, receptances, structure_modes
 from selector.physics.vibration.vibration_model import VibrationModel, vibration_model
 from selector.physics.vibration.vibration_summary import judged_frequencies_hz
 from tests.physics.vibration.modal_sum import receptance_by_modes

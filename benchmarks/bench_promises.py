@@ -24,7 +24,7 @@ from selector.physics.thermal.field.machine import virtual_machining_centre
 from selector.physics.thermal.network.laws import Conditions
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.vibration.model_file import read_model_file
-from selector.physics.vibration.motion.periodic_error import realisation_amounts, section_times
+from selector.physics.vibration.periodic_error import realisation_amounts, section_times
 from selector.physics.vibration.vibration_model import vibration_model
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"

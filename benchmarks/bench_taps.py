@@ -19,7 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from selector.physics.vibration.taps.tap_fit import tap_fit
+from selector.physics.vibration.taps import tap_fit
 from selector.readers.uff_file import TapOptions, read_taps
 from tests.physics.vibration.planted_taps import NODES, drawn, model, records, spectra, write_uff
 

@@ -17,7 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from selector.physics.vibration.motion.periodic_error import realisation_amounts, section_times
+from selector.physics.vibration.periodic_error import realisation_amounts, section_times
 
 Amounts = tuple[float, float, float]
 

@@ -19,10 +19,9 @@ from selector.figures.simulated.vibration import (
     source_colours,
 )
 from selector.physics.vibration.chains import Chain
-from selector.physics.vibration.motion.final_motion import final_motions
-from selector.physics.vibration.motion.periodic_error import Cutting, Surface, periodic_errors
-from selector.physics.vibration.structure.source import Line, Source, excitation
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.final_motion import final_motions
+from selector.physics.vibration.periodic_error import Cutting, Surface, periodic_errors
+from selector.physics.vibration.structure import GROUND, Joint, Line, Member, Source, Structure, excitation
 from selector.physics.vibration.vibration_model import RELATIVE
 from selector.physics.vibration.vibration_summary import LineSummary
 from tests.report.studies import HOSTILE

@@ -31,7 +31,7 @@ def taps(
     from selector.physics.model_fields import model_file_text
     from selector.physics.model_text import plain_values
     from selector.physics.vibration.model_file import read_model_file
-    from selector.physics.vibration.taps.tap_fit import tap_fit
+    from selector.physics.vibration.taps import tap_fit
     from selector.physics.vibration.vibration_model import vibration_model
     from selector.readers.uff_file import TapOptions, read_taps
     from selector.telling.simulated.taps import fit_head, tap_account

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from selector.findings import Finding
-from selector.physics.vibration.taps.response import TapResponse, response_of_records
+from selector.physics.vibration.taps import TapResponse, response_of_records
 from selector.readers.binary.optional import optional_module, read_whole
 from selector.readers.finding_table import FINDINGS
 from selector.readers.roles.names import printable_name

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from selector.physics.vibration.chains import Chain, chain_receptance
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.structure import GROUND, Joint, Member, Structure
 
 DIGITS = {"rel": 5e-6}
 """Numbers that are written down have six digits."""

@@ -12,7 +12,7 @@ import pytest
 from selector.number_text import number_text
 from selector.physics.channel_differences import ChannelDifference
 from selector.physics.vibration.model_file import read_model_file
-from selector.physics.vibration.structure.structure import CarryingMode, carrying_mode, relative_parts
+from selector.physics.vibration.structure import CarryingMode, carrying_mode, relative_parts
 from selector.physics.vibration.vibration_model import RELATIVE, vibration_model
 from selector.physics.vibration.vibration_summary import vibration_summary
 from selector.telling.page import write_account

@@ -12,8 +12,7 @@ from selector.figures import style
 from selector.figures.panels import Line, Panel, stacked
 from selector.figures.style import log_ticks
 from selector.number_text import number_text
-from selector.physics.vibration.motion.chatter import StabilityLimit
-from selector.physics.vibration.motion.periodic_error import Cutting, PeriodicError, Surface
+from selector.physics.vibration.periodic_error import Cutting, PeriodicError, StabilityLimit, Surface
 from selector.types import Vector
 
 MOST_SOURCES = len(style.GROUPS)  #: Sources that are told apart by colour; answers and forces are drawn of no more.

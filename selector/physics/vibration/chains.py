@@ -14,14 +14,13 @@ from numpy.typing import ArrayLike
 
 from selector.errors import InputError, Misfit
 from selector.physics.checks import Checked
-from selector.physics.ranges import true_stretches
-from selector.physics.vibration.rounding import above
-from selector.physics.vibration.structure.source import Source
-from selector.physics.vibration.structure.structure import (
+from selector.physics.ranges import above, true_stretches
+from selector.physics.vibration.structure import (
     GROUND,
     UNDAMPED,
     Joint,
     Member,
+    Source,
     Structure,
     receptance,
     receptances,

@@ -28,8 +28,7 @@ from selector.physics.model_text import (
     unknown_name,
 )
 from selector.physics.vibration.chains import Chain, chain_links, force_sign
-from selector.physics.vibration.structure.source import Line, ShaftCourse, Source
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.structure import GROUND, Joint, Line, Member, ShaftCourse, Source, Structure
 
 MOST_MEMBERS = 200
 MOST_LINES = 2_000

@@ -10,9 +10,8 @@ from scipy import fft, signal
 from scipy.interpolate import CubicSpline
 from scipy.signal import windows
 
-from selector.physics.vibration.motion.final_motion import ChainMethod, source_curve
-from selector.physics.vibration.structure.source import Source
-from selector.physics.vibration.structure.structure import Structure, structure_modes
+from selector.physics.vibration.final_motion import ChainMethod, source_curve
+from selector.physics.vibration.structure import Source, Structure, structure_modes
 from selector.types import Indices, Matrix, Vector
 
 STRAY = 0.25  #: Share of a step by which the stamps of an even clock may stray.

@@ -12,11 +12,11 @@ from selector.physics.checks import errors_name, require_within
 from selector.physics.model_text import key_text
 from selector.physics.ranges import true_stretches
 from selector.physics.simulation_kind import Progress, unheard
+from selector.physics.vibration.final_motion import MotionSignal
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.model_file import file_shafts, mean_rpm
-from selector.physics.vibration.motion.run_up import MotionSignal
 from selector.physics.vibration.recorded_force import GAP, Stretch, gaps, ring_time_s, stamped_answer, stretches
-from selector.physics.vibration.structure.source import ShaftCourse
+from selector.physics.vibration.structure import ShaftCourse
 from selector.physics.vibration.vibration_model import (
     FINALS,
     RELATIVE,

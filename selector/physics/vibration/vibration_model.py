@@ -11,6 +11,14 @@ from selector.findings import Finding
 from selector.physics.model_fields import ModelOfFile
 from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.vibration.chains import Chain
+from selector.physics.vibration.final_motion import (
+    ChainMethod,
+    FinalMotions,
+    MotionSignal,
+    final_motions,
+    motion_signal,
+    source_phases_rad,
+)
 from selector.physics.vibration.model_file import (
     FAMILY,
     VibrationFile,
@@ -19,11 +27,8 @@ from selector.physics.vibration.model_file import (
     mean_rpm,
     source_of,
 )
-from selector.physics.vibration.motion.final_motion import ChainMethod, FinalMotions, final_motions
-from selector.physics.vibration.motion.periodic_error import Cutting, Surface, split_frequency_hz
-from selector.physics.vibration.motion.run_up import MotionSignal, motion_signal, source_phases_rad
-from selector.physics.vibration.structure.source import ShaftCourse, Source, excitation
-from selector.physics.vibration.structure.structure import Structure
+from selector.physics.vibration.periodic_error import Cutting, Surface, split_frequency_hz
+from selector.physics.vibration.structure import ShaftCourse, Source, Structure, excitation
 from selector.recording import Channel, Recording
 from selector.types import Vector
 

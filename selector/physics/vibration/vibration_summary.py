@@ -11,19 +11,28 @@ from selector.errors import InputError
 from selector.findings import Finding, Level
 from selector.physics.model_fields import unlikely_values
 from selector.physics.vibration.chains import ChainAccuracy, chain_accuracy
+from selector.physics.vibration.final_motion import FinalMotions
 from selector.physics.vibration.finding_table import FINDINGS
-from selector.physics.vibration.motion.chatter import LEAST_LOSS, StabilityLimit, least_loss, stability_limit
-from selector.physics.vibration.motion.final_motion import FinalMotions
-from selector.physics.vibration.motion.periodic_error import (
+from selector.physics.vibration.periodic_error import (
+    LEAST_LOSS,
     KindHeight,
     PeriodicError,
+    StabilityLimit,
     kind_heights,
+    least_loss,
     periodic_errors,
     realisation_amounts,
     section_times,
+    stability_limit,
 )
-from selector.physics.vibration.structure.source import Excitation, excitation
-from selector.physics.vibration.structure.structure import Structure, StructureModes, strained_joint, structure_modes
+from selector.physics.vibration.structure import (
+    Excitation,
+    Structure,
+    StructureModes,
+    excitation,
+    strained_joint,
+    structure_modes,
+)
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
 from selector.types import Array, Complex, Mask
 

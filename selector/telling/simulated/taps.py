@@ -8,8 +8,7 @@ import numpy as np
 from selector.findings import Finding
 from selector.json_text import fields_of
 from selector.number_text import listed, number_text
-from selector.physics.vibration.taps.response import TapMode
-from selector.physics.vibration.taps.tap_fit import TapFit, TapParameter
+from selector.physics.vibration.taps import TapFit, TapMode, TapParameter
 from selector.telling.account import Account, Captioned, Drawing, Table, legend, remarks_of, section, sections, table
 from selector.telling.numbers import NONE, share_text
 from selector.types import Vector

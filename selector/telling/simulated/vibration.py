@@ -12,12 +12,11 @@ import numpy as np
 from selector.errors import InputError
 from selector.json_text import fields_of
 from selector.number_text import listed, number_text, span_text
+from selector.physics.vibration import structure as structures
 from selector.physics.vibration.chains import ChainAccuracy
-from selector.physics.vibration.motion.chatter import StabilityLimit
-from selector.physics.vibration.motion.final_motion import ChainMethod, final_receptance
-from selector.physics.vibration.motion.periodic_error import KindHeight, PeriodicError
-from selector.physics.vibration.structure import structure as structures
-from selector.physics.vibration.structure.source import Source
+from selector.physics.vibration.final_motion import ChainMethod, final_receptance
+from selector.physics.vibration.periodic_error import KindHeight, PeriodicError, StabilityLimit
+from selector.physics.vibration.structure import Source
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import LineSummary, VibrationSummary
 from selector.telling.account import Account, Block, Drawing, Table, captioned, legend, section, table

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from selector.physics.vibration.structure.structure import (
+from selector.physics.vibration.structure import (
     Structure,
     StructureModes,
     known_place,

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from selector.physics.vibration.model_file import read_model_file
-from selector.physics.vibration.structure.structure import Structure, receptance
-from selector.physics.vibration.taps.response import TapResponse, response_of_records
+from selector.physics.vibration.structure import Structure, receptance
+from selector.physics.vibration.taps import TapResponse, response_of_records
 from selector.physics.vibration.vibration_model import VibrationModel, vibration_model
 
 MODEL = Path(__file__).parents[3] / "fixtures/vibration/small-lathe.toml"

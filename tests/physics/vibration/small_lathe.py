@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from selector.physics.vibration.chains import Chain
-from selector.physics.vibration.motion.periodic_error import Cutting
-from selector.physics.vibration.structure.source import Line, Source
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.periodic_error import Cutting
+from selector.physics.vibration.structure import GROUND, Joint, Line, Member, Source, Structure
 
 STRUCTURE = Structure(
     (Member("workpiece", 20.0), Member("tool", 5.0), Member("bed", 800.0)),

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from selector.errors import InputError
 from selector.physics.vibration.chains import Chain, chain_links, chain_receptance, chain_structure, force_sign
-from selector.physics.vibration.structure.source import Line, Source
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure, receptance
+from selector.physics.vibration.structure import GROUND, Joint, Line, Member, Source, Structure, receptance
 
 LATHE = Structure(
     tuple(

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from docs.images.chain_error_map import chain_error_map, two_member_ratio
 from selector.errors import InputError
 from selector.physics.vibration.chains import Chain, chain_accuracy, chain_receptance
-from selector.physics.vibration.structure.source import Line, Source
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure, receptance, receptances
+from selector.physics.vibration.structure import GROUND, Joint, Line, Member, Source, Structure, receptance, receptances
 from tests.physics.vibration.test_chain import HZ, LATHE
 
 LINES = (Line(frequency_hz=1.0, force_n=1.0),)

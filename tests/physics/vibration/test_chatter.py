@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from selector.physics.vibration.motion.chatter import stability_limit
-from selector.physics.vibration.motion.periodic_error import Cutting
-from selector.physics.vibration.structure.structure import Joint, Member, Structure, structure_modes
+from selector.physics.vibration.periodic_error import Cutting, stability_limit
+from selector.physics.vibration.structure import Joint, Member, Structure, structure_modes
 
 #: Shaping with two flexibilities (Altintas, Manufacturing Automation): f [Hz], ζ, k [N/m], angle to the thickness.
 PUBLISHED = ((250.0, 0.012, 2.26e8, math.radians(30.0)), (150.0, 0.010, 2.13e8, math.radians(-45.0)))

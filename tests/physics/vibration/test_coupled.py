@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.vibration.structure.structure import (
+from selector.physics.vibration.structure import (
     GROUND,
     Joint,
     Member,
@@ -142,7 +142,7 @@ def test_a_force_between_two_members_is_two_forces():
 
 def test_many_frequencies_are_solved_in_parts_alike(monkeypatch):
     whole = response(RING, HZ, np.arange(5.0))
-    monkeypatch.setattr("selector.physics.vibration.structure.structure.NUMBERS_AT_ONCE", 100)
+    monkeypatch.setattr("selector.physics.vibration.structure.NUMBERS_AT_ONCE", 100)
     assert np.array_equal(response(RING, HZ, np.arange(5.0)), whole)
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from selector.errors import InputError
 from selector.physics.vibration.chains import chain_receptance
-from selector.physics.vibration.motion.final_motion import ChainMethod, final_motions, final_receptance
-from selector.physics.vibration.structure.source import excitation
+from selector.physics.vibration.final_motion import ChainMethod, final_motions, final_receptance
+from selector.physics.vibration.structure import excitation
 from tests.physics.vibration.small_lathe import BRANCH, FINALS, HIGH, LOW, SOURCES, SPINDLE, STRUCTURE
 
 LINES = excitation(SOURCES, {"spindle": 1200.0})

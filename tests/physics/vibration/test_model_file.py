@@ -21,8 +21,7 @@ from selector.physics.vibration.model_file import (
     parsed_model_file,
     read_model_file,
 )
-from selector.physics.vibration.structure.source import Line
-from selector.physics.vibration.structure.structure import Joint, Member
+from selector.physics.vibration.structure import Joint, Line, Member
 from selector.physics.vibration.vibration_model import vibration_model
 from tests.physics.vibration.model_values import SMALL, changed
 

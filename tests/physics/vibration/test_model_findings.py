@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from selector.physics.vibration.model_file import checked_model_file, read_model_file
-from selector.physics.vibration.structure.structure import structure_modes
+from selector.physics.vibration.structure import structure_modes
 from selector.physics.vibration.vibration_model import vibration_model
 from selector.physics.vibration.vibration_summary import CHAINS_OFF, chain_findings, model_findings
 from tests.physics.vibration.model_values import changed

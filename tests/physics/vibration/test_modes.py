@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import linalg, signal
 
 from selector.errors import InputError
-from selector.physics.vibration.structure.structure import (
+from selector.physics.vibration.structure import (
     GROUND,
     Joint,
     Member,

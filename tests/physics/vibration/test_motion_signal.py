@@ -10,10 +10,15 @@ import pytest
 from scipy import signal
 
 from selector.errors import InputError
-from selector.physics.vibration.motion.final_motion import ChainMethod, final_motions, final_receptance
-from selector.physics.vibration.motion.run_up import HURRY, motion_signal, source_phases_rad
-from selector.physics.vibration.structure.source import Line, ShaftCourse, Source, excitation
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.final_motion import (
+    HURRY,
+    ChainMethod,
+    final_motions,
+    final_receptance,
+    motion_signal,
+    source_phases_rad,
+)
+from selector.physics.vibration.structure import GROUND, Joint, Line, Member, ShaftCourse, Source, Structure, excitation
 from tests.physics.vibration.small_lathe import BRANCH, FINALS, HIGH, LOW, MOTOR, SOURCES, SPINDLE, STRUCTURE
 
 TIME = np.arange(3000) * 5e-4 + 1.25

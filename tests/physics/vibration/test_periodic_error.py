@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from selector.errors import InputError
 from selector.physics.vibration.chains import in_range
-from selector.physics.vibration.motion.final_motion import FinalMotions, final_motions
-from selector.physics.vibration.motion.periodic_error import (
+from selector.physics.vibration.final_motion import FinalMotions, final_motions
+from selector.physics.vibration.periodic_error import (
     Surface,
     error_kind,
     kind_heights,
@@ -22,7 +22,7 @@ from selector.physics.vibration.motion.periodic_error import (
     split_frequency_hz,
     waves_per_revolution,
 )
-from selector.physics.vibration.structure.source import excitation
+from selector.physics.vibration.structure import excitation
 from tests.physics.vibration.small_lathe import CUTTING, FINALS, SOURCES, STRUCTURE
 
 ROUNDING = 1e-12

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.physics.vibration.motion.periodic_error import mean_square, realisation_amounts, section_times
+from selector.physics.vibration.periodic_error import mean_square, realisation_amounts, section_times
 
 ROUNDING = 1e-10
 """Phases ω·t of up to 10⁴ rad are rounded to 1e-12, and sums of numbers that cancel in part keep a little less."""

@@ -6,10 +6,18 @@ import numpy as np
 import pytest
 from scipy import fft, linalg, signal
 
-from selector.physics.vibration.motion.final_motion import final_receptance
+from selector.physics.vibration.final_motion import final_receptance
 from selector.physics.vibration.recorded_force import FADED, force_answer, ring_time_s
-from selector.physics.vibration.structure.source import Line, Source
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure, masses_kg, stiffness_matrix
+from selector.physics.vibration.structure import (
+    GROUND,
+    Joint,
+    Line,
+    Member,
+    Source,
+    Structure,
+    masses_kg,
+    stiffness_matrix,
+)
 
 STEP_S = 5e-4
 TIME_S = np.arange(4000) * STEP_S

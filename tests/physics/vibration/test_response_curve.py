@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.vibration.motion.final_motion import TOLERANCE, response_curve
+from selector.physics.vibration.final_motion import TOLERANCE, response_curve
 
 
 def resonances(frequency_hz, places=(40.0, 41.0, 333.0), loss=(0.01, 0.02, 0.003), size=(1.0, -2.0, 1e-3)):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import integrate
 
 from selector.errors import InputError
-from selector.physics.vibration.structure.source import ShaftCourse
+from selector.physics.vibration.structure import ShaftCourse
 
 
 def test_speed_is_straight_between_corners_and_level_outside():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 
-from selector.physics.vibration.structure.source import excitation
+from selector.physics.vibration.structure import excitation
 from tests.physics.vibration.small_lathe import SOURCES, SPINDLE
 
 

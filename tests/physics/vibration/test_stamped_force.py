@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.physics.vibration.motion.final_motion import final_receptance
+from selector.physics.vibration.final_motion import final_receptance
 from selector.physics.vibration.recorded_force import (
     autoregression,
     continued,
@@ -16,8 +16,7 @@ from selector.physics.vibration.recorded_force import (
     stamped_answer,
     stretches,
 )
-from selector.physics.vibration.structure.source import Line, Source
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.structure import GROUND, Joint, Line, Member, Source, Structure
 
 STEP_S = 5e-4
 FINALS = {"tool": "tool"}

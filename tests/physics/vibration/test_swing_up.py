@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from selector.physics.vibration.motion.run_up import HURRY, motion_signal
-from selector.physics.vibration.structure.source import Line, ShaftCourse, Source
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure, structure_modes
+from selector.physics.vibration.final_motion import HURRY, motion_signal
+from selector.physics.vibration.structure import (
+    GROUND,
+    Joint,
+    Line,
+    Member,
+    ShaftCourse,
+    Source,
+    Structure,
+    structure_modes,
+)
 from tests.physics.vibration.viscous import state_space
 
 COLUMN = Structure(

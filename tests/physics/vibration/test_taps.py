@@ -10,7 +10,7 @@ from scipy import signal
 
 from selector.errors import InputError
 from selector.physics.vibration.model_file import checked_model_file
-from selector.physics.vibration.structure.structure import (
+from selector.physics.vibration.structure import (
     GROUND,
     Joint,
     Member,
@@ -19,8 +19,7 @@ from selector.physics.vibration.structure.structure import (
     receptance,
     structure_modes,
 )
-from selector.physics.vibration.taps.response import TapResponse, measured_modes
-from selector.physics.vibration.taps.tap_fit import tap_fit
+from selector.physics.vibration.taps import TapResponse, measured_modes, tap_fit
 from selector.physics.vibration.vibration_model import vibration_model
 from tests.physics.vibration import planted_taps
 from tests.physics.vibration.planted_taps import drawn, model, planted

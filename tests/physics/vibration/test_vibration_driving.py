@@ -10,8 +10,7 @@ from scipy import signal
 from selector.errors import InputError, OptionError
 from selector.physics.vibration.model_file import checked_model_file
 from selector.physics.vibration.recorded_force import force_answer, ring_time_s
-from selector.physics.vibration.structure.source import Line, Source
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.structure import GROUND, Joint, Line, Member, Source, Structure
 from selector.physics.vibration.vibration_driving import driven_runs, recorded_channels
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, vibration_model
 from selector.physics.vibration.vibration_summary import vibration_summary

@@ -7,13 +7,7 @@ import math
 import numpy as np
 
 from selector.physics.drive.loop.closed_loop import StateSpace
-from selector.physics.vibration.structure.structure import (
-    Structure,
-    known_place,
-    masses_kg,
-    stiffness_matrix,
-    unit_force,
-)
+from selector.physics.vibration.structure import Structure, known_place, masses_kg, stiffness_matrix, unit_force
 
 
 def state_space(structure: Structure, at_hz: float, *, inputs=None, outputs=None) -> StateSpace:

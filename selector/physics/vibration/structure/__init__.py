@@ -1,1 +1,0 @@
-"""What vibrates: the structure, its modes, and the sources that shake it."""
