@@ -14,9 +14,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.physics.drive.ball_bar.causes import circle_causes
+from selector.physics.drive.ball_bar.causes import circle_causes, compensations
 from selector.physics.drive.ball_bar.circle import BallBarTrace, Circle, circle_references, measured_samples
-from selector.physics.drive.ball_bar.compensation import compensations
 from selector.physics.drive.parts.axis import Axis, Friction, RigidMechanics, Servo, ThreeMassMechanics
 from selector.physics.drive.simulation import circle_step_s, simulate_axis
 from selector.physics.drive.trajectory import Reference

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.physics.thermal.modes.choice import choose_modes
-from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
 from selector.physics.thermal.modes.driven_model import driven_model
 from selector.physics.thermal.modes.heldout import AT_MOST
+from selector.physics.thermal.modes.modes import AmbientCourse, Cyclogram
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.types import Vector
 from tests.physics.thermal.segments import of_segments

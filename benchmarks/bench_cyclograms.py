@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from selector.physics.thermal.field.machine import VirtualMachine, virtual_machining_centre
 from selector.physics.thermal.modes.choice import choose_modes
-from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
+from selector.physics.thermal.modes.modes import Cyclogram, cyclogram_kind
 from selector.physics.thermal.modes.thermal_test import ThermalTest
-from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.heat_system import Conditions
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.prediction.piecewise import characteristics, piecewise_displacement_um
 from tests.physics.thermal.segments import of_segments

@@ -20,7 +20,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import integrate
 
-from selector.physics.drive.loop.closed_loop import closed_loop
+from selector.physics.drive.closed_loop import closed_loop
 from selector.physics.drive.parts.axis import Axis, Friction, RigidMechanics, Servo, ThreeMassMechanics, unloaded_state
 from selector.physics.drive.simulation import simulate_axis
 from selector.physics.drive.trajectory import Reference

@@ -26,8 +26,7 @@ from selector.physics.thermal.field.geometry import MachineGeometry, machine_blo
 from selector.physics.thermal.field.machine import CELL_M, displacement_readings
 from selector.physics.thermal.field.mesh import block_mesh
 from selector.physics.thermal.field.thermoelasticity import MATERIALS, conduction_matrices, elastic_matrices, elasticity
-from selector.physics.thermal.network.heat_system import solver_of
-from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws
+from selector.physics.thermal.network.heat_system import Conditions, FilmLaw, HeatLaw, Laws, solver_of
 from selector.physics.thermal.network.transient import simulate_heat
 
 HEAT_W = {"lower bearing": 150.0, "upper bearing": 100.0, "motor": 200.0, "gearbox": 100.0}

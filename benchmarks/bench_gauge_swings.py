@@ -18,10 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-from selector.physics.gauging.gauge.characteristic import characteristic
-from selector.physics.gauging.gauge.vibrating_contact import steady_swing
+from selector.physics.gauging.characteristic import characteristic, steady_swing
+from selector.physics.gauging.gauged_grinding import finished_sizes
 from selector.physics.gauging.gauging_model import GaugingModel, gauging_model
-from selector.physics.gauging.grinding.gauged_grinding import finished_sizes
 from selector.physics.gauging.model_file import parsed_model_file
 from tests.physics.gauging.examples import TRANSDUCER
 from tests.physics.gauging.test_steady_swing import tuned

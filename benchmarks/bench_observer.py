@@ -18,9 +18,9 @@ from bench_cyclograms import AXES, HALL_DEGC, PERIOD_S, SLOW_TEST, TESTS, Vector
 
 from selector.physics.thermal.field.machine import VirtualMachine, virtual_machining_centre
 from selector.physics.thermal.modes.choice import choose_modes
-from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import Cyclogram
 from selector.physics.thermal.modes.thermal_test import ThermalTest
-from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.heat_system import Conditions
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.prediction.observer import DayReadings, Stop, as_run, observed
 from selector.physics.thermal.prediction.tests_judged import modal_repeats

@@ -21,7 +21,7 @@ from selector.cli import exit_status
 from selector.controllers import evaluate
 from selector.controllers.model_file import Input, ModelFile, Output, Term
 from selector.physics.thermal.field.machine import virtual_machining_centre
-from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.heat_system import Conditions
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.vibration.model_file import read_model_file
 from selector.physics.vibration.periodic_error import realisation_amounts, section_times

@@ -14,8 +14,7 @@ import time
 import numpy as np
 
 from selector.physics.thermal.field.machine import film_sets, virtual_machining_centre
-from selector.physics.thermal.network.heat_system import projected, reduced_basis
-from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.heat_system import Conditions, projected, reduced_basis
 from selector.physics.thermal.network.transient import HeatHistory, simulate_heat
 
 TIME_S = np.arange(0.0, 8 * 3600 + 1, 60.0)

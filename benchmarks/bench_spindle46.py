@@ -25,9 +25,9 @@ import numpy as np
 import pandas as pd
 
 from selector.cli import exit_status
-from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
 from selector.physics.thermal.modes.driven import parts_of
 from selector.physics.thermal.modes.driven_model import driven_model
+from selector.physics.thermal.modes.modes import AmbientCourse, Cyclogram
 from selector.physics.thermal.modes.thermal_test import ThermalTest, mode_data
 from selector.shipped import shipped
 

@@ -17,9 +17,9 @@ PARTS = {
     "selection": ("The choice, scikit-learn, and the study file", "selection estimators study"),
     "heat": (
         "How the machine warms",
-        "physics.thermal.network.laws physics.thermal.network.heat_system"
+        "physics.thermal.network.heat_system"
         " physics.thermal.network.transient physics.thermal.field physics.thermal.modes.thermal_test"
-        " physics.thermal.modes.modes physics.thermal.modes.choice physics.thermal.modes.cyclogram"
+        " physics.thermal.modes.modes physics.thermal.modes.choice"
         " physics.thermal.prediction.piecewise"
         " physics.thermal.prediction.prediction physics.thermal.prediction.correction_program"
         " physics.thermal.model_file physics.thermal.thermal_model",
@@ -27,23 +27,21 @@ PARTS = {
     "drives": (
         "How its axes follow",
         "physics.drive.parts.catalogue physics.drive.parts.stiffness physics.drive.parts.axis"
-        " physics.drive.trajectory physics.drive.simulation physics.drive.loop.closed_loop"
-        " physics.drive.loop.stability physics.drive.ball_bar.circle"
-        " physics.drive.ball_bar.quantities physics.drive.ball_bar.causes physics.drive.file.model_file"
+        " physics.drive.trajectory physics.drive.simulation physics.drive.closed_loop"
+        " physics.drive.stability physics.drive.ball_bar.circle"
+        " physics.drive.ball_bar.causes physics.drive.model_file"
         " physics.drive.drive_model physics.drive.driving",
     ),
     "vibration": (
         "How it vibrates",
-        "physics.vibration.structure.structure physics.vibration.structure.source physics.vibration.chains"
-        " physics.vibration.motion.run_up"
-        " physics.vibration.motion.periodic_error"
-        " physics.vibration.taps.response physics.vibration.taps.tap_fit"
+        "physics.vibration.structure physics.vibration.chains physics.vibration.final_motion"
+        " physics.vibration.periodic_error physics.vibration.taps"
         " physics.vibration.recorded_force physics.vibration.model_file physics.vibration.vibration_model",
     ),
     "gauging": (
         "How it grinds to size",
-        "physics.gauging.gauge.transducer physics.gauging.gauge.vibrating_contact"
-        " physics.gauging.gauge.characteristic physics.gauging.process physics.gauging.grinding.gauged_grinding"
+        "physics.gauging.transducer physics.gauging.characteristic physics.gauging.process"
+        " physics.gauging.gauged_grinding"
         " physics.gauging.sizes physics.gauging.model_file physics.gauging.gauging_model",
     ),
     "diagnosis": (

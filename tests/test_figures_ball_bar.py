@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from selector.figures import style
-from selector.figures.simulated.ball_bar import POINTS, ball_bar_figure
-from selector.physics.drive.ball_bar.circle import BallBarTrace
-from selector.physics.drive.ball_bar.quantities import centred_traces
+from selector.figures.simulated.drive import POINTS, ball_bar_figure
+from selector.physics.drive.ball_bar.circle import BallBarTrace, centred_traces
 from tests.test_figures_thermal import drawn_values
 
 FLOAT32 = 1e-6

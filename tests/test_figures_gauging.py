@@ -18,8 +18,8 @@ from selector.figures.simulated.gauging import (
     sizes_over_parts,
 )
 from selector.number_text import number_text
-from selector.physics.gauging.gauge.transducer import LinearGauge
 from selector.physics.gauging.gauging_summary import Setting
+from selector.physics.gauging.transducer import LinearGauge
 from tests.report.studies import HOSTILE
 from tests.test_figures_thermal import FLOAT32, drawn_values, strings_of
 

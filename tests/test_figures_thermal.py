@@ -16,8 +16,7 @@ from hypothesis.extra import numpy as arrays
 
 from selector.figures.duty_cycle import duty_cycle, prediction_of_tests
 from selector.figures.panels import shown_samples
-from selector.figures.simulated.field import machine_field
-from selector.figures.simulated.thermal import inputs_and_displacements, temperatures
+from selector.figures.simulated.thermal import inputs_and_displacements, machine_field, temperatures
 from selector.physics.thermal.drift_quantities import largest_displacement
 from selector.recording import Channel, Recording
 from tests.report import predictions

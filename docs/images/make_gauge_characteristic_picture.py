@@ -17,8 +17,7 @@ from plotly.subplots import make_subplots
 sys.path.insert(0, str(ROOT))
 
 from selector.figures import style
-from selector.physics.gauging.gauge.characteristic import characteristic, linear_gauge
-from selector.physics.gauging.gauge.vibrating_contact import simulate_transducer, steady_swing
+from selector.physics.gauging.characteristic import characteristic, linear_gauge, simulate_transducer, steady_swing
 from tests.physics.gauging.examples import TRANSDUCER
 from tests.physics.gauging.published_line import published_gauge
 from tests.physics.gauging.test_steady_swing import tuned

@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.bench_gauging import BASE, GRINDING
 from selector.figures import style
-from selector.physics.gauging.grinding.gauged_grinding import finished_sizes
+from selector.physics.gauging.gauged_grinding import finished_sizes
 from selector.physics.gauging.process import Noise
 from selector.physics.gauging.sizes import sizes_by_formula
 from selector.telling.simulated.gauging import size_density

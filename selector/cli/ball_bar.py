@@ -25,9 +25,8 @@ def ballbar(
     Each circle is run in both directions, at one or better several feeds; the files are tables with the angle of the
     bar and its deviation, or with two positions over time.
     """
-    from selector.physics.drive.ball_bar.causes import circle_causes
-    from selector.physics.drive.ball_bar.compensation import compensations
-    from selector.physics.drive.ball_bar.quantities import circle_quantities
+    from selector.physics.drive.ball_bar.causes import circle_causes, compensations
+    from selector.physics.drive.ball_bar.circle import circle_quantities
     from selector.physics.drive.drive_summary import DriveSummary
     from selector.readers.ball_bar_file import CircleOptions, read_circles
     from selector.readers.roles.names import printable_name

@@ -126,7 +126,7 @@ def predict(
     """
     import numpy as np
 
-    from selector.physics.thermal.modes.cyclogram import AmbientCourse
+    from selector.physics.thermal.modes.modes import AmbientCourse
     from selector.physics.thermal.modes.thermal_test import thermal_tests
     from selector.physics.thermal.prediction.prediction import cyclogram_of_rows
     from selector.physics.thermal.prediction.prediction import predict as predicted

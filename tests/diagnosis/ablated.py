@@ -9,7 +9,7 @@ import pandas as pd
 
 from selector.diagnosis.open_model.runnable import OwnModel
 from selector.physics.drive.drive_model import drive_model
-from selector.physics.drive.file.model_file import checked_model_file as drive_file
+from selector.physics.drive.model_file import checked_model_file as drive_file
 from selector.physics.thermal.model_file import checked_model_file as heat_file
 from selector.physics.thermal.schedule import scheduled
 from selector.physics.thermal.thermal_model import thermal_model

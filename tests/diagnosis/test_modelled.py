@@ -14,7 +14,7 @@ from selector.diagnosis.open_model.refitting import refitted, simulated_rows
 from selector.diagnosis.open_model.runnable import FunctionModel, OwnModel
 from selector.diagnosis.open_model.switches import switches
 from selector.errors import InputError
-from selector.physics.drive.file.model_file import parsed_model_file
+from selector.physics.drive.model_file import parsed_model_file
 from selector.physics.gauging.gauging_model import gauging_model
 from selector.physics.gauging.model_file import checked_model_file as gauging_file
 from selector.physics.model_fields import Parameter

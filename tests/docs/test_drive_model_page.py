@@ -8,8 +8,8 @@ from typing import get_args
 
 import pytest
 
-from selector.physics.drive.file import model_schema as schema
-from selector.physics.drive.file.model_schema import INSTEAD, OFF
+from selector.physics.drive import model_schema as schema
+from selector.physics.drive.model_schema import INSTEAD, OFF
 from selector.physics.drive.parts import axis, catalogue
 from selector.physics.drive.parts.catalogue import thc6350_x_axis
 from selector.physics.model_fields import SectionOf, said_of, unit_in

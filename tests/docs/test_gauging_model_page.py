@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from selector.physics.gauging import model_file as schema
-from selector.physics.gauging import process
-from selector.physics.gauging.gauge import transducer
-from selector.physics.gauging.grinding.gauged_grinding import MOST_STEPS
+from selector.physics.gauging import process, transducer
+from selector.physics.gauging.gauged_grinding import MOST_STEPS
 from selector.physics.model_fields import SectionOf, said_of, unit_in
 from selector.physics.model_text import Entry
 

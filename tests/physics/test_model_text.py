@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from selector.errors import ModelFileError
-from selector.physics.drive.file.model_file import checked_model_file
+from selector.physics.drive.model_file import checked_model_file
 from selector.physics.model_text import unknown_name
 from selector.physics.thermal.model_file import parsed_model_file
 from selector.physics.vibration.model_file import checked_model_file as checked_vibration

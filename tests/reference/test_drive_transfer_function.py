@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from selector.physics.drive.loop.closed_loop import closed_loop
+from selector.physics.drive.closed_loop import closed_loop
 from selector.physics.drive.parts.axis import Axis, Servo, ThreeMassMechanics
 
 NAMES = "Jm Jl Mt R Ktheta Ke Cl Ct Kf Kpp Kvp Kvi Dtheta De s"

@@ -15,8 +15,8 @@ from selector.number_text import number_text
 from selector.types import Vector
 
 if TYPE_CHECKING:
-    from selector.physics.gauging.gauge.transducer import LinearGauge
     from selector.physics.gauging.gauging_summary import Setting
+    from selector.physics.gauging.transducer import LinearGauge
 
 CURVE, LINE, THRESHOLD = style.PREDICTED, style.RESIDUAL, style.CHOSEN
 SEEN, TRUE = style.RESIDUAL, style.PREDICTED

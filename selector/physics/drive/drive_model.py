@@ -11,8 +11,8 @@ from selector.errors import InputError
 from selector.findings import Finding
 from selector.physics.checks import errors_name
 from selector.physics.drive.ball_bar.circle import LONGEST_PERIOD_S, BallBarTrace, Circle, PairGeometry, ball_bar_run
-from selector.physics.drive.file.model_file import FAMILY, columns_needed, file_circles, file_reference, moved_axes
-from selector.physics.drive.file.model_schema import MOST_STEPS, CircleMotion, DriveFile, FileAxis, file_axis
+from selector.physics.drive.model_file import FAMILY, columns_needed, file_circles, file_reference, moved_axes
+from selector.physics.drive.model_schema import MOST_STEPS, CircleMotion, DriveFile, FileAxis, file_axis
 from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.simulation import AxisRun, advised_step_s, circle_step_s, simulate_axis, steps_per_period

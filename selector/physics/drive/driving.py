@@ -12,8 +12,8 @@ from selector.findings import Finding, Where
 from selector.physics.channel_differences import ChannelDifference, as_recorded, require_named
 from selector.physics.checks import errors_name, require_within
 from selector.physics.drive.drive_model import INPUTS, KINDS, DriveModel, DriveSimulation, axis_channels
-from selector.physics.drive.file.model_schema import MOST_ACTING, MOST_POSITION_M, FileAxis
 from selector.physics.drive.finding_table import FINDINGS
+from selector.physics.drive.model_schema import MOST_ACTING, MOST_POSITION_M, FileAxis
 from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics, unloaded_state
 from selector.physics.drive.simulation import AxisRun
 from selector.physics.drive.trajectory import Reference, clock_findings, recorded

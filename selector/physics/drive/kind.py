@@ -19,7 +19,7 @@ class DriveKind(SimulationKind):
 
     name = "drive"
     file_kinds = ("drive",)
-    family_module = "selector.physics.drive.file.model_file"
+    family_module = "selector.physics.drive.model_file"
     about = """Simulates how the axes of a feed drive follow their command, and writes a recording of it.
 
     Beside RUN.csv stands RUN.machine.toml, for --machine of the other commands. With --inputs the axes follow recorded
@@ -52,13 +52,13 @@ class DriveKind(SimulationKind):
 
     def findings_before(self, model: Any) -> tuple[Finding, ...]:
         """Loops that are unstable, periods that are too long, and the like."""
-        from selector.physics.drive.model_findings import model_findings
+        from selector.physics.drive.drive_summary import model_findings
 
         return tuple(model_findings(model))
 
     def findings_after(self, done: Simulated, summary: Any) -> tuple[Finding, ...]:
         """Axes that stick, reach limits, or swing; circles whose causes cannot be told."""
-        from selector.physics.drive.model_findings import simulation_findings
+        from selector.physics.drive.drive_summary import simulation_findings
 
         caused = () if summary.causes is None else summary.causes.findings
         return (

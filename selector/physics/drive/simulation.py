@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from selector.errors import InputError
+from selector.physics.drive.closed_loop import fastest_rate_per_s, largest_stable_step_s
 from selector.physics.drive.finding_table import UNSTABLE_LOOP
 from selector.physics.drive.kernel import _packed as at
-from selector.physics.drive.loop.closed_loop import fastest_rate_per_s, largest_stable_step_s
-from selector.physics.drive.loop.stability import stability_findings
 from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics, unloaded_state
+from selector.physics.drive.stability import stability_findings
 from selector.physics.drive.trajectory import COURSES, Motion, ParameterCourse, Reference
 from selector.types import Vector
 

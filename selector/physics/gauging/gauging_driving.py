@@ -13,7 +13,6 @@ from selector.findings import Finding, Where
 from selector.physics.channel_differences import as_recorded, clock_jitter
 from selector.physics.checks import errors_name, require_within
 from selector.physics.gauging.finding_table import FINDINGS
-from selector.physics.gauging.gauge.transducer import wear_share
 from selector.physics.gauging.gauging_model import (
     ALLOWANCE,
     FEED,
@@ -29,6 +28,7 @@ from selector.physics.gauging.gauging_model import (
 )
 from selector.physics.gauging.model_file import MOST_ALLOWANCE_UM, finest_s
 from selector.physics.gauging.process import Noise, Surface
+from selector.physics.gauging.transducer import wear_share
 from selector.physics.simulation_kind import Progress, unheard
 from selector.recording import Recording
 from selector.types import Vector

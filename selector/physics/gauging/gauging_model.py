@@ -12,11 +12,9 @@ from selector.errors import InputError, ModelFileError, OptionError
 from selector.findings import Finding, Where
 from selector.physics.channel_differences import require_named
 from selector.physics.gauging import model_file
+from selector.physics.gauging.characteristic import Characteristic, GaugeMotion, characteristic, linear_gauge
 from selector.physics.gauging.finding_table import FINDINGS
-from selector.physics.gauging.gauge.characteristic import Characteristic, characteristic, linear_gauge
-from selector.physics.gauging.gauge.transducer import LinearGauge, RippleCrest, stage_thresholds_v
-from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
-from selector.physics.gauging.grinding.gauged_grinding import (
+from selector.physics.gauging.gauged_grinding import (
     FinishedSizes,
     GaugedGrinding,
     PartCourse,
@@ -24,6 +22,7 @@ from selector.physics.gauging.grinding.gauged_grinding import (
     part_course,
     waveform,
 )
+from selector.physics.gauging.transducer import LinearGauge, RippleCrest, stage_thresholds_v
 from selector.physics.model_fields import ModelOfFile, refused, unlikely_values
 from selector.physics.model_text import key_text
 from selector.physics.simulation_kind import Progress, unheard

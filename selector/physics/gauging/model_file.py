@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from selector.number_text import round_below
-from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer, wear_share
-from selector.physics.gauging.grinding.gauged_grinding import feeds_s
+from selector.physics.gauging.gauged_grinding import feeds_s
 from selector.physics.gauging.process import Correction, Grinding, Noise, Stage, Surface, Tolerance
+from selector.physics.gauging.transducer import LinearGauge, Relay, Transducer, wear_share
 from selector.physics.model_fields import Fit, Number, SectionOf, Unit, given, numbers_of, refusals, value_of
 from selector.physics.model_text import (
     MOST_SAMPLES,

@@ -44,8 +44,7 @@ from selector.physics.thermal.model_file import (
     direction_of,
     stated_laws,
 )
-from selector.physics.thermal.network.heat_system import HeatSystem, reduced_basis
-from selector.physics.thermal.network.laws import Conditions, FilmLaw, Laws
+from selector.physics.thermal.network.heat_system import Conditions, FilmLaw, HeatSystem, Laws, reduced_basis
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.schedule import condensed
 from selector.types import Indices, Vector

@@ -64,7 +64,7 @@ class ThermalKind(SimulationKind):
     def planned(self, model: Any, run: str, how: RunSettings) -> Simulated:
         """The conditions that the file describes, or a duty cycle."""
         from selector.physics.model_text import MOST_SAMPLES
-        from selector.physics.thermal.modes.cyclogram import Cyclogram
+        from selector.physics.thermal.modes.modes import Cyclogram
         from selector.physics.thermal.schedule import scheduled
         from selector.physics.thermal.thermal_model import simulation_findings
 

@@ -33,7 +33,7 @@ from selector.physics.model_text import (
     plain_values,
     unknown_name,
 )
-from selector.physics.thermal.network.laws import FilmLaw, HeatLaw, Laws
+from selector.physics.thermal.network.heat_system import FilmLaw, HeatLaw, Laws
 
 MOST_NODES = 300  #: Nodes of a network. Its exact stepping costs their number cubed.
 MOST_SENSORS = 1000  #: Thermometers of a model, candidates among them.

@@ -10,9 +10,9 @@ from numba import njit
 from selector.errors import InputError, OptionError
 from selector.physics.model_text import Column
 from selector.physics.thermal.model_file import ConditionsSection, InputsSection, Sine, SpeedOnly
-from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import Cyclogram
 from selector.physics.thermal.modes.thermal_test import held
-from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.heat_system import Conditions
 from selector.recording import Recording
 from selector.types import Vector
 

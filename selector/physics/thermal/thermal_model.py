@@ -15,10 +15,16 @@ from selector.physics.model_fields import ModelOfFile, file_with
 from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.thermal import model_file
 from selector.physics.thermal.finding_table import FINDINGS
-from selector.physics.thermal.modes.cyclogram import Cyclogram
-from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
-from selector.physics.thermal.network.heat_system import HeatSystem, Network, time_constants_s
-from selector.physics.thermal.network.laws import Conditions, Laws, film_coefficients, summed
+from selector.physics.thermal.modes.modes import Cyclogram, ModalModel, SpeedLaw
+from selector.physics.thermal.network.heat_system import (
+    Conditions,
+    HeatSystem,
+    Laws,
+    Network,
+    film_coefficients,
+    summed,
+    time_constants_s,
+)
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.schedule import CONDITIONS, condensed, driven, held_at, lagged, read_out, seed_of_run
 from selector.recording import Channel, Recording

@@ -8,10 +8,8 @@ from typing import Any
 from selector.findings import Finding
 from selector.json_text import fields_of
 from selector.number_text import number_text
-from selector.physics.drive.ball_bar.causes import Amount, Cause, CircleCauses, FeedCauses
-from selector.physics.drive.ball_bar.circle import BallBarTrace
-from selector.physics.drive.ball_bar.compensation import Compensations
-from selector.physics.drive.ball_bar.quantities import CircleQuantities, Extreme, Roundness, paired
+from selector.physics.drive.ball_bar.causes import Amount, Cause, CircleCauses, Compensations, FeedCauses
+from selector.physics.drive.ball_bar.circle import BallBarTrace, CircleQuantities, Extreme, Roundness, paired
 from selector.physics.drive.drive_summary import DriveSummary
 from selector.telling.account import Account, Captioned, Drawing, Table, legend, remarks_of, section, sections, table
 from selector.telling.numbers import NONE, uncertain_text
@@ -253,7 +251,7 @@ def measured_circles_account(
     quantities, *of_feeds, overall = ball_bar_tables(summary)
     pictures: list[Drawing] = []
     if drawn:
-        from selector.figures.simulated.ball_bar import ball_bar_figure
+        from selector.figures.simulated.drive import ball_bar_figure
 
         pictures = [Drawing(ball_bar_figure(pair), legend("ball-bar.polar")) for pair in reversed(paired(traces))]
     columns = ["file", "columns", "direction", ">mm/min", ">samples", "order"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from selector.json_text import fields_of
 from selector.number_text import number_text, span_text
-from selector.physics.drive.ball_bar.quantities import paired
+from selector.physics.drive.ball_bar.circle import paired
 from selector.physics.drive.drive_model import DriveModel
 from selector.physics.drive.drive_summary import (
     LINEAR,
@@ -22,10 +22,10 @@ from selector.physics.drive.drive_summary import (
     course_of,
     limited_samples,
 )
-from selector.physics.drive.file.model_file import OUTPUT_UNITS
-from selector.physics.drive.loop.stability import LoopFigures, frozen
-from selector.physics.drive.loop.stability import frequency_response as response_of_loop
+from selector.physics.drive.model_file import OUTPUT_UNITS
 from selector.physics.drive.parts.axis import Axis, Friction, Servo, ThreeMassMechanics
+from selector.physics.drive.stability import LoopFigures, frozen
+from selector.physics.drive.stability import frequency_response as response_of_loop
 from selector.physics.drive.trajectory import Motion, ParameterCourse
 from selector.physics.model_text import plain_values
 from selector.telling.account import Account, Block, Captioned, Drawing, Heading, Note, Table, legend, section, table
@@ -283,7 +283,7 @@ def _times(factor: float | None) -> str:
 
 def _drawings(result: SimulationResult, axes: Sequence[AxisInRun], runs: Sequence[str]) -> Drawings:
     """Section of the account, a run of these or a loop → its drawings."""
-    from selector.figures.simulated.ball_bar import ball_bar_figure
+    from selector.figures.simulated.drive import ball_bar_figure
 
     done, model, summary = result.simulated.details, result.simulated.model, result.summary
     first_run = axes[0].run

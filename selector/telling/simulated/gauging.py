@@ -8,6 +8,7 @@ import numpy as np
 
 from selector.json_text import fields_of
 from selector.number_text import listed, number_text
+from selector.physics.gauging.gauged_grinding import FinishedSizes
 from selector.physics.gauging.gauging_model import ALLOWANCE, GAUGE, MEASURED, GaugingModel, GaugingSimulation
 from selector.physics.gauging.gauging_summary import (
     BEST_CENTRED,
@@ -18,7 +19,6 @@ from selector.physics.gauging.gauging_summary import (
     GaugingSummary,
     Setting,
 )
-from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes import CONFIDENCE, Capability, SizesByFormula
 from selector.telling.account import (

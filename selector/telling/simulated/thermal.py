@@ -169,7 +169,7 @@ def _moment(result: SimulationResult) -> list[account.Block]:
 
 def moment_drawing(recording: Recording, inputs: Sequence[str], moment: FieldMoment, at_run: str) -> account.Drawing:
     """The machine at one moment of a run, with the thermometers that have a place."""
-    from selector.figures.simulated.field import machine_field
+    from selector.figures.simulated.thermal import machine_field
 
     places = {
         channel.name: channel.xyz_m

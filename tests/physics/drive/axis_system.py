@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy import interpolate, optimize
 
 from selector.errors import InputError
-from selector.physics.drive.loop.closed_loop import StateSpace
+from selector.physics.drive.closed_loop import StateSpace
 from selector.physics.drive.parts.axis import (
     AxialCompliance,
     Axis,

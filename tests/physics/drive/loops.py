@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from selector.physics.drive.loop.closed_loop import closed_loop, inertia_at_motor, measurement, sampled_closed_loop
+from selector.physics.drive.closed_loop import closed_loop, inertia_at_motor, measurement, sampled_closed_loop
 from selector.physics.drive.parts.axis import Axis, RigidMechanics
 
 

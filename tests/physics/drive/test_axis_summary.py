@@ -13,15 +13,15 @@ from selector.physics.drive.drive_summary import (
     limited_samples,
     loop_summary,
     parameters_along,
+    simulation_findings,
     tightest_loop,
 )
-from selector.physics.drive.file.model_file import parsed_model_file
-from selector.physics.drive.loop.stability import stability
-from selector.physics.drive.model_findings import simulation_findings
+from selector.physics.drive.model_file import parsed_model_file
 from selector.physics.drive.parts.axis import Axis, RigidMechanics, Servo
 from selector.physics.drive.parts.catalogue import thc6350_x_axis
 from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics
 from selector.physics.drive.simulation import simulate_axis
+from selector.physics.drive.stability import stability
 from selector.physics.drive.trajectory import ParameterCourse, Reference, moves, sine
 
 SERVO = Servo(position_gain_per_s=40.0, velocity_gain=4.0, velocity_integral_gain=160.0)

@@ -13,8 +13,8 @@ from scipy import integrate
 
 from selector.errors import InputError
 from selector.physics.drive import simulation
+from selector.physics.drive.closed_loop import fastest_rate_per_s, largest_stable_step_s
 from selector.physics.drive.kernel import _equations, _kernel, _packed, _stepping
-from selector.physics.drive.loop.closed_loop import fastest_rate_per_s, largest_stable_step_s
 from selector.physics.drive.parts.axis import (
     AxialCompliance,
     Axis,

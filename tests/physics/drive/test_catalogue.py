@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.loop.stability import loop_figures, stability, stability_findings
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.parts.catalogue import (
     Bearings,
@@ -25,6 +24,7 @@ from selector.physics.drive.parts.stiffness import (
     three_mass_mechanics,
     torsional_stiffness_nm_per_rad,
 )
+from selector.physics.drive.stability import loop_figures, stability, stability_findings
 
 
 @pytest.mark.parametrize(

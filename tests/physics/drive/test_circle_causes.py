@@ -17,7 +17,7 @@ from selector.physics.drive.ball_bar.causes import GAIN_MISMATCH, RADIUS_GAIN, C
 from selector.physics.drive.ball_bar.circle import BallBarTrace, PairGeometry
 from selector.physics.drive.ball_bar.fit import SEARCHED, circle_fit
 from selector.physics.drive.drive_model import drive_model
-from selector.physics.drive.file.model_file import checked_model_file, read_model_file
+from selector.physics.drive.model_file import checked_model_file, read_model_file
 from selector.physics.drive.parts.axis import Axis, Friction, LuGre, Transmission, wind_up_m
 from selector.physics.model_text import plain_values
 from tests.physics.drive.axes import CONTINUOUS, THREE

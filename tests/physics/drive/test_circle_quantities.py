@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from selector.errors import InputError
-from selector.physics.drive.ball_bar.circle import BallBarTrace
-from selector.physics.drive.ball_bar.quantities import (
+from selector.physics.drive.ball_bar.circle import (
+    BallBarTrace,
     centred_traces,
     circle_quantities,
     hysteresis,

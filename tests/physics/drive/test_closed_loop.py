@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.loop.closed_loop import (
-    StateSpace,
-    closed_loop,
-    inertia_at_motor,
-    plant,
-    small_signal_mechanics,
-)
+from selector.physics.drive.closed_loop import StateSpace, closed_loop, inertia_at_motor, plant, small_signal_mechanics
 from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy import integrate, signal
 
-from selector.physics.drive.ball_bar.causes import circle_causes
+from selector.physics.drive.ball_bar.causes import circle_causes, compensations, pulse_m_per_s, spike_height_m
 from selector.physics.drive.ball_bar.circle import BallBarTrace
-from selector.physics.drive.ball_bar.compensation import compensations, pulse_m_per_s, spike_height_m
 from selector.readers.ball_bar_file import read_circles
 from tests.physics.drive.planted_circles import LEAD_M, RADIUS_M, PlantedCircles
 

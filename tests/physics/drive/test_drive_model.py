@@ -12,16 +12,10 @@ from hypothesis import strategies as st
 
 from selector.errors import InputError, ModelFileError, OptionError
 from selector.physics.drive.ball_bar.circle import circle_references
+from selector.physics.drive.closed_loop import fastest_rate_per_s
 from selector.physics.drive.drive_model import DriveModel, axis_channels, drive_model
-from selector.physics.drive.drive_summary import drive_summary
-from selector.physics.drive.file.model_file import (
-    checked_model_file,
-    file_reference,
-    parsed_model_file,
-    read_model_file,
-)
-from selector.physics.drive.loop.closed_loop import fastest_rate_per_s
-from selector.physics.drive.model_findings import model_findings, simulation_findings
+from selector.physics.drive.drive_summary import drive_summary, model_findings, simulation_findings
+from selector.physics.drive.model_file import checked_model_file, file_reference, parsed_model_file, read_model_file
 from selector.physics.drive.parts.stiffness import parameter_course
 from selector.physics.drive.simulation import advised_step_s, simulate_axis
 from selector.physics.model_text import plain_values

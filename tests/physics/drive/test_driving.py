@@ -10,9 +10,9 @@ import pytest
 
 from selector.errors import InputError, OptionError
 from selector.physics.drive.drive_model import drive_model
+from selector.physics.drive.drive_summary import simulation_findings
 from selector.physics.drive.driving import driven_runs
-from selector.physics.drive.file.model_file import checked_model_file
-from selector.physics.drive.model_findings import simulation_findings
+from selector.physics.drive.model_file import checked_model_file
 from selector.recording import Channel, Recording
 from tests.physics.drive.test_model_file import RIGID, changed
 

@@ -8,11 +8,11 @@ import pytest
 from scipy.optimize import brentq
 
 from selector.errors import InputError
-from selector.physics.drive.loop.closed_loop import loop_poles
-from selector.physics.drive.loop.stability import _near_crossover, frequency_response, frozen, loop_figures, stability
+from selector.physics.drive.closed_loop import loop_poles
 from selector.physics.drive.parts.axis import Axis, RigidMechanics, Servo
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics
+from selector.physics.drive.stability import _near_crossover, frequency_response, frozen, loop_figures, stability
 from selector.physics.drive.trajectory import ParameterCourse
 from tests.physics.drive.loops import by_impedances, opened_position_loop
 

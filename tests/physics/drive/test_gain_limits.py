@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.drive.loop.closed_loop import growing_poles, loop_poles, loop_response, sampled_closed_loop
-from selector.physics.drive.loop.stability import GAINS, Crossing, gain_crossings, stable_factors
+from selector.physics.drive.closed_loop import growing_poles, loop_poles, loop_response, sampled_closed_loop
 from selector.physics.drive.parts.axis import Axis, RigidMechanics, Sensing, Servo
 from selector.physics.drive.parts.catalogue import thc6350_x_axis
 from selector.physics.drive.parts.stiffness import three_mass_mechanics
+from selector.physics.drive.stability import GAINS, Crossing, gain_crossings, stable_factors
 from tests.physics.drive.loops import opened_position_loop
 
 THREE = three_mass_mechanics(thc6350_x_axis())

@@ -12,13 +12,8 @@ import pytest
 
 from selector.errors import InputError, ModelFileError
 from selector.physics.drive.drive_model import drive_model
-from selector.physics.drive.file.model_file import (
-    checked_model_file,
-    columns_needed,
-    parsed_model_file,
-    read_model_file,
-)
-from selector.physics.drive.file.model_schema import INSTEAD, OFF, file_axis, parts_of
+from selector.physics.drive.model_file import checked_model_file, columns_needed, parsed_model_file, read_model_file
+from selector.physics.drive.model_schema import INSTEAD, OFF, file_axis, parts_of
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import three_mass_mechanics
 from selector.physics.model_text import plain_values
@@ -304,7 +299,7 @@ def test_no_file_and_no_text(tmp_path):
 
 def test_reading_a_model_file_needs_no_compiler_and_no_pictures():
     code = (
-        "import sys, selector.physics.drive.file.model_file as m; "
+        "import sys, selector.physics.drive.model_file as m; "
         f"m.read_model_file({str(EXAMPLES / 'thc6350-x.toml')!r}); "
         "print([name for name in ('numba', 'control', 'matplotlib', 'sympy', 'skfem') if name in sys.modules])"
     )

@@ -8,9 +8,8 @@ import pytest
 
 from selector.errors import ModelFileError
 from selector.physics.drive.drive_model import drive_model
-from selector.physics.drive.drive_summary import drive_summary
-from selector.physics.drive.file.model_file import checked_model_file, columns_needed, read_model_file
-from selector.physics.drive.model_findings import model_findings, simulation_findings
+from selector.physics.drive.drive_summary import drive_summary, model_findings, simulation_findings
+from selector.physics.drive.model_file import checked_model_file, columns_needed, read_model_file
 from tests.physics.drive.test_model_file import PARTS, RIGID, changed
 
 EXAMPLES = [

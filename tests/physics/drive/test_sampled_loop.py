@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.loop.closed_loop import loop_poles, plant, sampled_closed_loop
+from selector.physics.drive.closed_loop import loop_poles, plant, sampled_closed_loop
 from selector.physics.drive.parts.axis import Axis, RigidMechanics, Sensing
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import three_mass_mechanics

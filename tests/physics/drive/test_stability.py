@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.drive.loop.closed_loop import closed_loop
-from selector.physics.drive.loop.stability import stability, stability_findings
+from selector.physics.drive.closed_loop import closed_loop
 from selector.physics.drive.parts.axis import Axis, RigidMechanics, Servo
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import three_mass_mechanics
+from selector.physics.drive.stability import stability, stability_findings
 
 MECHANICS = three_mass_mechanics(thc6350_x_axis())
 AXIS = Axis(MECHANICS, thc6350_servo())

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from selector.physics.drive.loop.closed_loop import StateSpace
+from selector.physics.drive.closed_loop import StateSpace
 from tests.physics.drive.axis_system import linearise
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.loop.stability import frequency_response, frozen, loop_figures
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.parts.catalogue import Guide, Nut, Parts, Screw, thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import three_mass_mechanics
+from selector.physics.drive.stability import frequency_response, frozen, loop_figures
 from tests.physics.drive.time_variations import TimeVariation, published_sine, time_variation
 
 PARTS, SERVO = thc6350_x_axis(), thc6350_servo()

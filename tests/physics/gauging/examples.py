@@ -5,15 +5,7 @@ Chosen, not measured: no source prints numbers of such a gauge.
 
 from __future__ import annotations
 
-from selector.physics.gauging.gauge.transducer import (
-    Contact,
-    Electromagnet,
-    Generator,
-    Probe,
-    Relay,
-    Smoothing,
-    Transducer,
-)
+from selector.physics.gauging.transducer import Contact, Electromagnet, Generator, Probe, Relay, Smoothing, Transducer
 
 TRANSDUCER = Transducer(
     # 24 V effective; about half of the inductance belongs to the gap: 2 · 17 N/A² · 1.5 mm = 0.05 H

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import exprel
 
-from selector.physics.gauging.gauge.transducer import LinearGauge
+from selector.physics.gauging.transducer import LinearGauge
 from selector.types import Vector
 
 _NO_LAG, _DIED = 1e-9, 700.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from selector.errors import InputError
-from selector.physics.gauging.gauge.transducer import Generator, LinearGauge, Transducer
-from selector.physics.gauging.gauge.vibrating_contact import steady_swing
+from selector.physics.gauging.characteristic import steady_swing
+from selector.physics.gauging.transducer import Generator, LinearGauge, Transducer
 
 
 def flux_harmonic_wb(generator: Generator, amplitude_m: float, centre_m: float = 0.0) -> tuple[float, float]:

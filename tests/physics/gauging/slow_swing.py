@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from selector.physics.gauging.gauge.transducer import Transducer
+from selector.physics.gauging.transducer import Transducer
 
 Vector = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.signal import lfilter
 
-from selector.physics.gauging.grinding.gauged_grinding import spread_freedoms, worth
+from selector.physics.gauging.gauged_grinding import spread_freedoms, worth
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes import capability
 

@@ -10,8 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.gauging.gauge.characteristic import Characteristic, characteristic, linear_gauge, linear_range_um
-from selector.physics.gauging.gauge.vibrating_contact import simulate_transducer, steady_swing
+from selector.physics.gauging.characteristic import (
+    Characteristic,
+    characteristic,
+    linear_gauge,
+    linear_range_um,
+    simulate_transducer,
+    steady_swing,
+)
 from tests.physics.gauging.examples import TRANSDUCER
 from tests.physics.gauging.test_steady_swing import tuned
 

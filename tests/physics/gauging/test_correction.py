@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.gauging.gauge.characteristic import Characteristic
-from selector.physics.gauging.grinding.gauged_grinding import finished_sizes, part_course
+from selector.physics.gauging.characteristic import Characteristic
+from selector.physics.gauging.gauged_grinding import finished_sizes, part_course
 from selector.physics.gauging.process import Correction, Grinding, Noise, Stage
 from selector.physics.gauging.sizes import sizes_by_formula
 from tests.physics.gauging.set_ups import set_up

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from selector.errors import ModelFileError, OptionError
-from selector.physics.gauging.gauge.transducer import threshold_v
 from selector.physics.gauging.gauging_model import gauging_model, model_findings
 from selector.physics.gauging.model_file import checked_model_file, read_model_file
+from selector.physics.gauging.transducer import threshold_v
 from selector.physics.model_text import plain_values
 from tests.physics.gauging.test_model_file import LINEAR, changed
 

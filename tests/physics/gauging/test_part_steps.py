@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from selector.errors import InputError
+from selector.physics.gauging.gauged_grinding import MOST_STEPS_OF_PART, finished_sizes, steps_per_part
 from selector.physics.gauging.gauging_model import gauging_model
-from selector.physics.gauging.grinding.gauged_grinding import MOST_STEPS_OF_PART, finished_sizes, steps_per_part
 from selector.physics.gauging.model_file import checked_model_file
 from selector.physics.gauging.process import Grinding, Noise, Stage
 from tests.physics.gauging.set_ups import set_up

@@ -10,9 +10,8 @@ import pytest
 import sympy
 
 from selector.errors import InputError
-from selector.physics.gauging.gauge.characteristic import characteristic
-from selector.physics.gauging.gauge.transducer import Generator
-from selector.physics.gauging.gauge.vibrating_contact import steady_swing
+from selector.physics.gauging.characteristic import characteristic, steady_swing
+from selector.physics.gauging.transducer import Generator
 from tests.physics.gauging.examples import TRANSDUCER
 from tests.physics.gauging.published_line import flux_harmonic_wb, published_gauge
 from tests.physics.gauging.test_steady_swing import tuned

@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.physics.gauging.gauge.characteristic import Characteristic
-from selector.physics.gauging.gauge.transducer import Relay, RippleCrest
-from selector.physics.gauging.grinding.gauged_grinding import finished_sizes
+from selector.physics.gauging.characteristic import Characteristic
+from selector.physics.gauging.gauged_grinding import finished_sizes
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface
 from selector.physics.gauging.sizes import sizes_by_formula
+from selector.physics.gauging.transducer import Relay, RippleCrest
 from tests.physics.gauging.set_ups import GAUGE, TWO_STAGES, set_up
 
 ERRORS = 4.0

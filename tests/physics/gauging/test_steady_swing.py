@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.physics.gauging.gauge.transducer import Smoothing, Transducer
-from selector.physics.gauging.gauge.vibrating_contact import simulate_transducer, steady_swing
+from selector.physics.gauging.characteristic import simulate_transducer, steady_swing
+from selector.physics.gauging.transducer import Smoothing, Transducer
 from tests.physics.gauging.examples import TRANSDUCER
 from tests.physics.gauging.slow_swing import slow_swing
 from tests.physics.gauging.test_vibrating_contact import GAUGES

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy import integrate
 
 from selector.errors import InputError
-from selector.physics.gauging.gauge.transducer import (
+from selector.physics.gauging.process import Grinding, Noise, Stage
+from selector.physics.gauging.transducer import (
     LinearGauge,
     Relay,
     removal_rate_um_per_s,
@@ -22,7 +23,6 @@ from selector.physics.gauging.gauge.transducer import (
     voltage_variance_v2,
     wear_share,
 )
-from selector.physics.gauging.process import Grinding, Noise, Stage
 from tests.physics.gauging.mean_course import mean_allowance_um, mean_voltage_v
 
 GAUGE = LinearGauge(-0.012, 2.4, 0.15)

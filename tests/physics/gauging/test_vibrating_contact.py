@@ -13,9 +13,9 @@ from scipy.integrate import RK45
 from scipy.optimize import brentq
 
 from selector.errors import InputError
-from selector.physics.gauging.gauge import _swing
-from selector.physics.gauging.gauge.transducer import Contact, Generator, Probe
-from selector.physics.gauging.gauge.vibrating_contact import GaugeState, contact_force_n, simulate_transducer
+from selector.physics.gauging import _swing
+from selector.physics.gauging.characteristic import GaugeState, contact_force_n, simulate_transducer
+from selector.physics.gauging.transducer import Contact, Generator, Probe
 from tests.physics.gauging.examples import TRANSDUCER
 from tests.physics.gauging.slow_swing import slow_swing
 
@@ -78,7 +78,7 @@ def test_steps_grow_with_the_fifth_root_of_the_tolerance():
 
 
 def _swing_parameters(tolerance):
-    from selector.physics.gauging.gauge.transducer import packed
+    from selector.physics.gauging.transducer import packed
 
     return packed(TRANSDUCER, tolerance)
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from selector.physics.thermal.network.heat_system import Network
-from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws
+from selector.physics.thermal.network.heat_system import Conditions, FilmLaw, HeatLaw, Laws, Network
 
 
 def decades(low, high):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from selector.physics.thermal.modes.cyclogram import AmbientCourse
+from selector.physics.thermal.modes.modes import AmbientCourse
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from tests.physics.thermal.segments import of_segments
 

@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from selector.physics.thermal.network.heat_system import HeatSystem, solver_of
-from selector.physics.thermal.network.laws import Conditions, Laws, film_coefficients, fluid_degc, heat_parts
+from selector.physics.thermal.network.heat_system import (
+    Conditions,
+    HeatSystem,
+    Laws,
+    film_coefficients,
+    fluid_degc,
+    heat_parts,
+    solver_of,
+)
 from selector.physics.thermal.network.transient import _Body, _Interval
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import Cyclogram
 
 
 def of_segments(*segments: tuple[float, float]) -> Cyclogram:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.thermal.modes.cyclogram import cyclogram_kind
+from selector.physics.thermal.modes.modes import cyclogram_kind
 from selector.physics.thermal.modes.thermal_test import ThermalTest, coolings, heating_from_rest, mode_data
 from selector.physics.thermal.prediction.piecewise import characteristics
 from tests.physics.thermal.mode_machines import RESPONSES, heat_and_cool, modal_machine, recorded

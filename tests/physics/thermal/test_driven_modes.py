@@ -10,10 +10,10 @@ import pytest
 from selector.errors import InputError, OptionError
 from selector.physics.thermal.modes import driven_model as fits
 from selector.physics.thermal.modes.choice import choose_modes
-from selector.physics.thermal.modes.cyclogram import AmbientCourse
 from selector.physics.thermal.modes.driven import _evidence, _whitened_loop
 from selector.physics.thermal.modes.driven_model import driven_model
 from selector.physics.thermal.modes.heldout import few_factor
+from selector.physics.thermal.modes.modes import AmbientCourse
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.prediction import predict
 from tests.physics.thermal.driven_machines import (

@@ -11,7 +11,7 @@ from selector.physics.thermal.field.candidates import sensor_candidates
 from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field_model import with_candidates
 from selector.physics.thermal.model_file import checked_model_file
-from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.heat_system import Conditions
 from selector.physics.thermal.thermal_model import thermal_model
 
 HEAD = {"model": {"kind": "field", "name": "candidates"}, "run": {"duration_min": 60.0}}

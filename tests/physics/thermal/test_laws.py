@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.physics.thermal.network.laws import (
+from selector.physics.thermal.network.heat_system import (
     Conditions,
     FilmLaw,
     HeatLaw,

@@ -23,8 +23,7 @@ from selector.physics.thermal.field.mesh import Block
 from selector.physics.thermal.field.thermoelasticity import elasticity
 from selector.physics.thermal.field_model import field_moment, mesh_of, meshed, with_candidates
 from selector.physics.thermal.model_file import read_model_file, stated_laws
-from selector.physics.thermal.network.heat_system import factorised
-from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.heat_system import Conditions, factorised
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.thermal_model import thermal_model
 from selector.text_file import toml_key, toml_value

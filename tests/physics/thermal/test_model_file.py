@@ -28,7 +28,7 @@ from selector.physics.thermal.model_file import (
     parsed_model_file,
     read_model_file,
 )
-from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import Cyclogram
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.schedule import (
     CONDITIONS,

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from selector.errors import InputError
-from selector.physics.thermal.modes.cyclogram import Cyclogram
-from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
+from selector.physics.thermal.modes.modes import Cyclogram, ModalModel, SpeedLaw
 from tests.physics.thermal.segments import of_segments
 
 TIME = np.linspace(0.0, 7200.0, 25)

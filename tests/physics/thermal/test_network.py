@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.physics.thermal.network.heat_system import Network, time_constants_s
-from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws
+from selector.physics.thermal.network.heat_system import Conditions, FilmLaw, HeatLaw, Laws, Network, time_constants_s
 from selector.physics.thermal.network.transient import simulate_heat
 from tests.physics.thermal.drawn_networks import courses, laws_of, networks
 from tests.physics.thermal.heat_balances import steady_state

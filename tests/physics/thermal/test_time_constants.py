@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
-from selector.physics.thermal.network.heat_system import Network
-from selector.physics.thermal.network.laws import Conditions, FilmLaw, Laws
+from selector.physics.thermal.network.heat_system import Conditions, FilmLaw, Laws, Network
 from selector.physics.thermal.thermal_model import HeatMachine, slowest_time_constants
 
 

@@ -12,8 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from selector.errors import InputError
-from selector.physics.thermal.network.heat_system import HeatSystem, Network
-from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws
+from selector.physics.thermal.network.heat_system import Conditions, FilmLaw, HeatLaw, HeatSystem, Laws, Network
 from selector.physics.thermal.network.transient import simulate_heat
 from tests.physics.thermal.drawn_networks import courses, laws_of, networks
 from tests.physics.thermal.heat_balances import rates

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from selector.physics.drive.loop.closed_loop import StateSpace
+from selector.physics.drive.closed_loop import StateSpace
 from selector.physics.vibration.structure import Structure, known_place, masses_kg, stiffness_matrix, unit_force
 
 

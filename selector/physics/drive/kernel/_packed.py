@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.physics.drive.loop.closed_loop import inertia_at_motor
+from selector.physics.drive.closed_loop import inertia_at_motor
 from selector.physics.drive.parts.axis import Axis, RigidMechanics, Transmission
 from selector.types import Vector
 

@@ -25,7 +25,7 @@ from selector.physics.thermal.field.thermoelasticity import (
     volume_source,
 )
 from selector.physics.thermal.network import heat_system
-from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
+from selector.physics.thermal.network.heat_system import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
 from selector.types import Indices, Vector
 
 CELL_M = 0.04  #: Longest cell at refinement 1 [m]: one cell in a wall, about 20 000 nodes.

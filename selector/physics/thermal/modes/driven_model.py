@@ -8,9 +8,8 @@ from threadpoolctl import threadpool_limits
 
 from selector.physics.thermal.modes import driven
 from selector.physics.thermal.modes.choice import hall_drives
-from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
 from selector.physics.thermal.modes.heldout import AT_MOST, few_factor
-from selector.physics.thermal.modes.modes import SpeedLaw, require_tested
+from selector.physics.thermal.modes.modes import AmbientCourse, Cyclogram, SpeedLaw, require_tested
 from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data, since_first
 from selector.types import Mask, Vector
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from selector.errors import InputError, OptionError
-from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import Cyclogram
 from selector.recording import Recording
 from selector.types import Array, Indices, Mask, Vector
 

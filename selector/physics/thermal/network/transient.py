@@ -13,14 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg, sparse
 
 from selector.errors import InputError
-from selector.physics.thermal.network.heat_system import HeatSystem, Solve, SystemMatrix, conductance, dense, solver_of
-from selector.physics.thermal.network.laws import (
+from selector.physics.thermal.network.heat_system import (
     Conditions,
+    HeatSystem,
     Laws,
     Lubricants,
+    Solve,
+    SystemMatrix,
+    conductance,
+    dense,
     film_coefficients,
     fluid_degc,
     heat_parts,
+    solver_of,
     summed,
 )
 from selector.types import Array, Vector

@@ -11,7 +11,7 @@ import numpy as np
 
 from selector.csv_text import csv_text
 from selector.errors import InputError
-from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import Cyclogram
 from selector.types import Vector
 
 #: More corrections than this in one program are a mistake in the tolerance or in the unit of the displacement.

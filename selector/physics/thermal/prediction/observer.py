@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.modes import Cyclogram
 from selector.types import Matrix, Vector
 
 STOP_EVERY_S, STOP_LASTS_S = 24 * 3600.0, 45 * 60.0  #: Expected of stops before anything is read.

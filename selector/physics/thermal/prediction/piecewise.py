@@ -11,8 +11,7 @@ from scipy.optimize import least_squares
 from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS
-from selector.physics.thermal.modes.cyclogram import Cyclogram
-from selector.physics.thermal.modes.modes import require_tested
+from selector.physics.thermal.modes.modes import Cyclogram, require_tested
 from selector.physics.thermal.modes.thermal_test import (
     ModeData,
     Stretch,

@@ -10,12 +10,19 @@ import numpy as np
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS
-from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram, cyclogram_kind
 from selector.physics.thermal.modes.heldout import AT_MOST, LeftOutTests
-from selector.physics.thermal.modes.modes import ModalModel
+from selector.physics.thermal.modes.modes import AmbientCourse, Cyclogram, ModalModel, cyclogram_kind
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction import tests_judged
-from selector.physics.thermal.prediction.answer import Answer, Asked, Mode, Start, modes_of
+from selector.physics.thermal.prediction.answer import (
+    Answer,
+    Asked,
+    Mode,
+    Start,
+    driven_answer,
+    gain_findings,
+    modes_of,
+)
 from selector.physics.thermal.prediction.correction_program import (
     BestOrder,
     BestWarmUp,
@@ -25,7 +32,6 @@ from selector.physics.thermal.prediction.correction_program import (
     correction_program,
     notation,
 )
-from selector.physics.thermal.prediction.driven import driven_answer, gain_findings
 from selector.physics.thermal.prediction.observer import DayReadings, Observed, observed
 from selector.physics.thermal.prediction.piecewise import characteristics, piecewise_displacement_um
 from selector.types import Vector

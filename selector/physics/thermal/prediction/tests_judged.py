@@ -9,9 +9,8 @@ from scipy.special import chdtri
 from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS
-from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.heldout import runs_by_level
-from selector.physics.thermal.modes.modes import ModalModel
+from selector.physics.thermal.modes.modes import Cyclogram, ModalModel
 from selector.physics.thermal.modes.thermal_test import SAME_SPEED, ModeData, ThermalTest, mode_data
 from selector.physics.thermal.prediction.piecewise import Characteristics, piecewise_displacement_um
 from selector.types import Vector

@@ -18,8 +18,7 @@ from selector.physics.thermal.field.machine import (
     parts_beside,
     virtual_machining_centre,
 )
-from selector.physics.thermal.network.heat_system import projected
-from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.heat_system import Conditions, projected
 from selector.physics.thermal.network.transient import simulate_heat
 from tests.physics.thermal.reductions import reduction_error
 

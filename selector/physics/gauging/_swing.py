@@ -5,7 +5,6 @@ interpolation of order 4. Where steps end stands in docs/explanation/vibrating-c
 """
 
 # mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"
-
 import math
 
 import numpy as np

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
-from selector.physics.drive.finding_table import FINDINGS
-from selector.physics.drive.loop.closed_loop import (
+from selector.physics.drive.closed_loop import (
     growing_poles,
     loop_poles,
     loop_response,
@@ -20,6 +19,7 @@ from selector.physics.drive.loop.closed_loop import (
     servo_of,
     small_signal_mechanics,
 )
+from selector.physics.drive.finding_table import FINDINGS
 from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.trajectory import COURSES, ParameterCourse
 from selector.types import Array, Complex, Mask, Vector

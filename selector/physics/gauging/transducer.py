@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from selector.errors import InputError, Misfit
 from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked
-from selector.physics.gauging.gauge import _swing as at
+from selector.physics.gauging import _swing as at
 from selector.physics.gauging.process import Grinding, Noise
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector

@@ -5,7 +5,6 @@ What is exact between two events, and what a cubic, stands in docs/explanation/f
 
 # ruff: noqa: NPY002  (compiled, the legacy calls draw from a generator of the thread that is seeded for every part)
 # mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"
-
 import math
 from typing import NamedTuple
 

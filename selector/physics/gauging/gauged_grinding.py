@@ -11,11 +11,8 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError, Misfit, refuse
 from selector.findings import Finding
-from selector.physics.gauging.finding_table import FINDINGS
-from selector.physics.gauging.gauge import transducer as transducers
-from selector.physics.gauging.gauge.characteristic import Characteristic
-from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion, GaugeState, simulate_transducer
-from selector.physics.gauging.grinding._part_kernel import (
+from selector.physics.gauging import transducer as transducers
+from selector.physics.gauging._part_kernel import (
     ALLOWANCE,
     AT_ONCE,
     COLUMNS,
@@ -27,6 +24,8 @@ from selector.physics.gauging.grinding._part_kernel import (
     Plan,
     grind,
 )
+from selector.physics.gauging.characteristic import Characteristic, GaugeMotion, GaugeState, simulate_transducer
+from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.process import Correction, Grinding, Noise, Surface
 from selector.types import Array, Mask, Vector
 

@@ -13,7 +13,7 @@ import numpy as np
 from selector.errors import ModelFileError
 from selector.physics.checks import errors_name, require_within
 from selector.physics.drive.ball_bar.circle import Circle, TableBall
-from selector.physics.drive.file.model_schema import (
+from selector.physics.drive.model_schema import (
     KINDS,
     MOST_ACTING,
     MOST_POSITION_M,

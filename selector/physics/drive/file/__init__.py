@@ -1,1 +1,0 @@
-"""The model file of a feed drive, and its parameters."""

@@ -1,1 +1,0 @@
-"""The control loop of an axis: its responses, poles and stability."""

@@ -1,1 +1,0 @@
-"""The gauge: its parts, how it swings, what it shows, and when its relay trips."""

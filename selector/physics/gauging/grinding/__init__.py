@@ -1,1 +1,0 @@
-"""The grinding that a gauge stops: one part step by step, and batches."""
