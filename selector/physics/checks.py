@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, get_args, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
 import numpy as np
 
@@ -33,6 +33,9 @@ class Must:
 ABOVE_0 = Must("a number above 0", 0.0, above=True)
 FROM_0 = Must("0 or more", 0.0)
 FINITE = Must("a finite number")
+Above0 = Annotated[float, ABOVE_0]
+From0 = Annotated[float, FROM_0]
+Finite = Annotated[float, FINITE]
 
 
 class Checked:

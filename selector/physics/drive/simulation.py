@@ -58,16 +58,8 @@ def _cut(value: Reference | Motion | ParameterCourse, names: Iterable[str], part
 # events within one step before the rest of it is taken without looking for more
 MOST_EVENTS = 32
 
-_STATES = (
-    "position of the motor",
-    "speed of the motor",
-    "position of the screw",
-    "speed of the screw",
-    "position of the table",
-    "speed of the table",
-    "deflection of the bristles",
-    "integral of the servo",
-)
+_STATES = [f"{what} of the {part}" for part in ("motor", "screw", "table") for what in ("position", "speed")]
+_STATES += ["deflection of the bristles", "integral of the servo"]
 
 
 def simulate_axis(

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -36,22 +35,15 @@ from selector.types import Vector
 MOST_POINTS = 20_000_000
 
 
-@dataclass(frozen=True)
-class SeenSurface:
-    """What the gauge meets besides the allowance."""
-
-    surface: Surface  #: At angle 0 when the course begins
-    noise: Noise
-    random: np.random.Generator | None = None  #: Draws the noise; None: there is none
-
-
 def voltage_course(
     voltage_at: Callable[[Vector], Vector],
     filter_s: float,
     time_s: Vector,
     allowance_um: Vector,
-    seen: SeenSurface,
+    surface: Surface,
     finest_s: float,
+    noise: Noise | None = None,
+    random: np.random.Generator | None = None,
 ) -> Vector:
     """Smoothed voltage at the samples of an allowance that goes straight from one to the next [V].
 
@@ -59,7 +51,8 @@ def voltage_course(
     even grid, which is the samples and others between them, at most `finest_s` [s] apart; grooves count by the part of
     the way around each of them that they take.
 
-    `voltage_at` is the characteristic, `filter_s` T_Φ [s].
+    `voltage_at` is the characteristic, `filter_s` T_Φ [s]; the surface is at angle 0 when it begins, `random` draws the
+    noise.
 
     Raises InputError: the grid would have more than 20 million points.
     """
@@ -74,11 +67,14 @@ def voltage_course(
         )
     grid_s = time_s[0] + span_s * np.arange(finer * intervals + 1) / (finer * intervals)
     allowance = np.interp(grid_s, time_s, allowance_um)
-    surface, step_s = seen.surface, span_s / (finer * intervals)
+    step_s = span_s / (finer * intervals)
     turn = (grid_s - time_s[0]) * surface.workpiece_rpm / 60.0
     met = allowance + surface.runout_um * np.sin(2 * math.pi * turn)
-    if seen.random is not None and seen.noise.sd_um > 0:
-        met += _noise_um(seen.noise, step_s, len(grid_s), seen.random)
+    if noise is not None and random is not None and noise.sd_um > 0:
+        # R(τ) = D·exp(−β·|τ|) at even times, exact
+        drawn = random.standard_normal(len(grid_s)) * noise.sd_um
+        drawn[1:] *= math.sqrt(-math.expm1(-2.0 * noise.rate_per_s * step_s))
+        met += lfilter([1.0], [1.0, -math.exp(-noise.rate_per_s * step_s)], drawn)
     fed, began = voltage_at(met), float(voltage_at(allowance[:1])[0])
     if surface.grooves > 0:
         share, deep = _groove_share(surface, turn), voltage_at(met - surface.groove_depth_um)
@@ -103,14 +99,6 @@ def _smoothed(fed: Vector, share: float, began: float) -> Vector:
     pushed = early * fed[:-1] + late * fed[1:]
     rest, _ = lfilter([1.0], [1.0, -keep], pushed, zi=[keep * began])
     return np.concatenate([[began], rest])
-
-
-def _noise_um(noise: Noise, step_s: float, points: int, random: np.random.Generator) -> Vector:
-    """Noise of R(τ) = D·exp(−β·|τ|) at even times; exact."""
-    keep = math.exp(-noise.rate_per_s * step_s)
-    drawn = random.standard_normal(points) * noise.sd_um
-    drawn[1:] *= math.sqrt(-math.expm1(-2.0 * noise.rate_per_s * step_s))
-    return np.asarray(lfilter([1.0], [1.0, -keep], drawn), dtype=np.float64)
 
 
 #: Share of what the gauge can show that its ends are taken for: beyond its reach it says nothing of the allowance.
@@ -155,8 +143,7 @@ def start_um(model: GaugingModel, time_s: Vector, fallen: Vector, shown_um: Vect
     made = model.values
     # grooves that are deeper than the gauge reaches have no mean in µm
     surface = made.surface if curve is None else Surface()
-    seen = SeenSurface(surface, Noise())
-    behind = voltage_course(lambda um: um, made.filter_s, time_s, -fallen, seen, finest_s(made) / _FINER)
+    behind = voltage_course(lambda um: um, made.filter_s, time_s, -fallen, surface, finest_s(made) / _FINER)
     turn_s = 60.0 / surface.workpiece_rpm if surface.workpiece_rpm > 0 else 0.0
     first_s = float(time_s[np.argmax(known)])
     early = known & (time_s <= first_s + max(made.filter_s, turn_s))
@@ -239,10 +226,10 @@ def _shown_v(model: GaugingModel, time_s: Vector, allowance_um: Vector, random: 
             return curve.voltage_at(seen_um)
         return linear.bias_v + linear.gain_v_per_um * seen_um if linear is not None else seen_um
 
-    seen, finest = SeenSurface(made.surface, made.noise, random), finest_s(made) / _FINER
+    finest = finest_s(made) / _FINER
     if random is not None and made.noise.sd_um > 0:
         finest = min(finest, _PER_NOISE / made.noise.rate_per_s)
-    return voltage_course(voltage_at, made.filter_s, time_s, allowance_um, seen, finest)
+    return voltage_course(voltage_at, made.filter_s, time_s, allowance_um, made.surface, finest, made.noise, random)
 
 
 def _complete(recording: Recording, run: str, channel: str) -> tuple[Vector, list[Finding]]:

@@ -12,7 +12,7 @@ from selector.findings import Finding
 from selector.physics.gauging.characteristic import Characteristic, linear_range_um
 from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.gauged_grinding import FEWEST_SIZES, FinishedSizes, finished_sizes, usual_steps
-from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, mattering_um
+from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, gauging_model, mattering_um
 from selector.physics.gauging.model_file import checked_model_file
 from selector.physics.gauging.process import mean_surface_um, smoothed_surface
 from selector.physics.gauging.sizes import Capability, SizesByFormula, capability, on_line, sizes_by_formula
@@ -193,8 +193,6 @@ def _unbound(model: GaugingModel) -> dict[str, Any]:
 
 
 def _made(plain: dict[str, Any]) -> GaugingModel | None:
-    from selector.physics.gauging.gauging_model import gauging_model
-
     try:
         return gauging_model(checked_model_file(plain))
     except InputError:

@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
 from selector.errors import Misfit
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked
+from selector.physics.checks import FROM_0, Above0, Checked, Finite, From0
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 
 _SECONDS = {"ms": 1e-3, "µs": 1e-6}
 _TURNING, _CHANGING = Usual(2.0, 5e3, {"1/s": 60.0}), Usual(0.05, 1e5, {"1/ms": 1e3})
 _SIZE = {"mm": 1e3, "nm": 1e-3, "m": 1e6}
+_FEED = {"mm/min": 1e3 / 60, "µm/min": 1 / 60, "mm/s": 1e3, "m/s": 1e6}
 
 
 @dataclass(frozen=True)
@@ -25,16 +26,9 @@ class Stage(Checked):
     """A feed that holds until the gauge gives the next command."""
 
     #: Infeed of the wheel, on the same count as the allowance [µm/s]
-    feed_um_per_s: Annotated[
-        float,
-        ABOVE_0,
-        Unit("µm/s"),
-        Limits(1e-6, 1e6),
-        Fit(),
-        Usual(0.3, 300.0, {"mm/min": 1e3 / 60, "µm/min": 1 / 60, "mm/s": 1e3, "m/s": 1e6}),
-    ]
+    feed_um_per_s: Annotated[Above0, Unit("µm/s"), Limits(1e-6, 1e6), Fit(), Usual(0.3, 300.0, _FEED)]
     #: Allowance at which the next stage, or the end, is wanted [µm]
-    until_um: Annotated[float, FINITE, Unit("µm"), Limits(0.0, 1e6), Fit(either_sign=50.0), Usual(0.0, 1e3, _SIZE)]
+    until_um: Annotated[Finite, Unit("µm"), Limits(0.0, 1e6), Fit(either_sign=50.0), Usual(0.0, 1e3, _SIZE)]
 
 
 @dataclass(frozen=True)
@@ -42,22 +36,22 @@ class Grinding(Checked):
     """How the allowance of a part falls."""
 
     #: allowance_um and allowance_sd_um: Mean and standard deviation over the parts at the start [µm]
-    allowance_um: Annotated[float, ABOVE_0, Unit("µm"), Limits(0.0, 1e6), Fit(), Usual(3.0, 3e3, _SIZE)]
+    allowance_um: Annotated[Above0, Unit("µm"), Limits(0.0, 1e6), Fit(), Usual(3.0, 3e3, _SIZE)]
     stages: tuple[Stage, ...]  #: The last one's `until_um` is x_k, the size at which the feed is to stop
-    allowance_sd_um: Annotated[float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=50.0)] = 0.0
+    allowance_sd_um: Annotated[From0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=50.0)] = 0.0
     #: Standard deviation of the feed from part to part, as a share; with more some parts would not be fed at all
-    feed_sd: Annotated[float, FROM_0, Limits(0.0, 0.25), Fit(up_to=0.2)] = 0.0
+    feed_sd: Annotated[From0, Limits(0.0, 0.25), Fit(up_to=0.2)] = 0.0
     #: Time constant with which removal follows infeed: springs of the machine over sharpness of the wheel [s]
-    lag_s: Annotated[float, FROM_0, Unit("s"), Limits(1e-9, 1e4), Fit(up_to=5.0), Usual(0.0, 20.0, _SECONDS)] = 0.0
+    lag_s: Annotated[From0, Unit("s"), Limits(1e-9, 1e4), Fit(up_to=5.0), Usual(0.0, 20.0, _SECONDS)] = 0.0
     #: Radius that the wheel loses, as a share of what it removes, when freshly dressed: the allowance falls slower
-    wheel_wear: Annotated[float, FROM_0, Limits(0.0, 1e3), Fit(up_to=0.5), Usual(0.0, 0.95, {"%": 0.01})] = 0.0
+    wheel_wear: Annotated[From0, Limits(0.0, 1e3), Fit(up_to=0.5), Usual(0.0, 0.95, {"%": 0.01})] = 0.0
     #: wear_growth_per_part and dress_every: The share grows by this with every part, as a share of itself, and is as at
     #: first again after so many parts; 0: never dressed
-    wear_growth_per_part: Annotated[float, FROM_0, Unit("1/part"), Limits(0.0, 10.0), Fit(up_to=0.1)] = 0.0
+    wear_growth_per_part: Annotated[From0, Unit("1/part"), Limits(0.0, 10.0), Fit(up_to=0.1)] = 0.0
     dress_every: Annotated[int, FROM_0, Limits(0, 1000000000)] = 0
     #: Length that the tip loses: the gauge sees so much less allowance than there is, stops earlier, and leaves each
     #: part larger by it than the one before [µm]
-    probe_wear_um_per_part: Annotated[float, FINITE, Unit("µm/part"), Limits(0.0, 1e3), Fit(either_sign=0.1)] = 0.0
+    probe_wear_um_per_part: Annotated[Finite, Unit("µm/part"), Limits(0.0, 1e3), Fit(either_sign=0.1)] = 0.0
 
     def _misfits(self) -> Iterator[Misfit]:
         ends = [self.allowance_um, *(stage.until_um for stage in self.stages)]
@@ -76,18 +70,14 @@ class Surface(Checked):
     """What the probe meets on a turn of the workpiece: grooves, keyways or holes, and run-out."""
 
     #: [r/min]
-    workpiece_rpm: Annotated[float, FROM_0, Unit("r/min"), Limits(0.0, 1e6), Fit(), _TURNING] = 0.0
+    workpiece_rpm: Annotated[From0, Unit("r/min"), Limits(0.0, 1e6), Fit(), _TURNING] = 0.0
     grooves: Annotated[int, FROM_0, Limits(0, 10000)] = 0  #: Interruptions on the circumference; 0: a whole surface
     #: Part of the circumference that they take
-    groove_share: Annotated[float, FROM_0, Limits(0.0, 1.0), Fit(low=0.0, high=0.95)] = 0.0
+    groove_share: Annotated[From0, Limits(0.0, 1.0), Fit(low=0.0, high=0.95)] = 0.0
     #: How much deeper the probe reaches in them [µm]
-    groove_depth_um: Annotated[
-        float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=1e3), Usual(0.0, 3e4, {"nm": 1e-3})
-    ] = 0.0
+    groove_depth_um: Annotated[From0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=1e3), Usual(0.0, 3e4, {"nm": 1e-3})] = 0.0
     #: Amplitude of the once-per-turn change of the allowance [µm]
-    runout_um: Annotated[
-        float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=20.0), Usual(0.0, 200.0, {"nm": 1e-3})
-    ] = 0.0
+    runout_um: Annotated[From0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=20.0), Usual(0.0, 200.0, {"nm": 1e-3})] = 0.0
 
     def _misfits(self) -> Iterator[Misfit]:
         expected = "a share between 0 and 1, and a speed, where the surface has grooves or run-out"
@@ -103,18 +93,18 @@ class Noise(Checked):
     """What the gauge sees besides the allowance: centred, Gaussian, R(τ) = D·exp(−β|τ|) (G eq. 2)."""
 
     #: √D_x [µm]
-    sd_um: Annotated[float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=5.0), Usual(0.0, 20.0, {"nm": 1e-3})] = 0.0
+    sd_um: Annotated[From0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=5.0), Usual(0.0, 20.0, {"nm": 1e-3})] = 0.0
     #: β [1/s]
-    rate_per_s: Annotated[float, ABOVE_0, Unit("1/s"), Limits(1e-6, 1e7), Fit(), _CHANGING] = 100.0
+    rate_per_s: Annotated[Above0, Unit("1/s"), Limits(1e-6, 1e7), Fit(), _CHANGING] = 100.0
 
 
 @dataclass(frozen=True)
 class Correction(Checked):
     """Finished parts are measured, and the zero of the gauge follows what they are off."""
 
-    share: Annotated[float, ABOVE_0, Limits(1e-6, 1.0)]  #: Of what a part is off, by which the zero is then moved
+    share: Annotated[Above0, Limits(1e-6, 1.0)]  #: Of what a part is off, by which the zero is then moved
     #: Standard deviation of the measurement of a finished part [µm]
-    gauge_sd_um: Annotated[float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Usual(0.0, 20.0, {"nm": 1e-3})] = 0.0
+    gauge_sd_um: Annotated[From0, Unit("µm"), Limits(0.0, 1e6), Usual(0.0, 20.0, {"nm": 1e-3})] = 0.0
     parts_late: Annotated[int, FROM_0, Limits(0, 1000)] = 0  #: Parts that are ground while one waits to be measured
 
     def _misfits(self) -> Iterator[Misfit]:
@@ -139,8 +129,8 @@ class Tolerance(Checked):
     """Limits of the finished size, counted from the nominal size."""
 
     #: lower_um and upper_um: [µm]
-    lower_um: Annotated[float, FINITE, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
-    upper_um: Annotated[float, FINITE, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
+    lower_um: Annotated[Finite, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
+    upper_um: Annotated[Finite, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
 
     def _misfits(self) -> Iterator[Misfit]:
         if self.lower_um >= self.upper_um:

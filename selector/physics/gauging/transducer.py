@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from selector.errors import InputError, Misfit
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked
+from selector.physics.checks import ABOVE_0, Above0, Checked, Finite, From0
 from selector.physics.gauging import _swing as at
 from selector.physics.gauging.process import Grinding, Noise
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 
 _SECONDS = {"ms": 1e-3, "µs": 1e-6}
+_GAIN = {"mV/µm": 1e-3, "V/mm": 1e-3, "V/nm": 1e3, "V/m": 1e-6}
 _GAP = Usual(2e-5, 0.01, {"mm": 1e-3, "µm": 1e-6})
 
 
@@ -24,19 +25,17 @@ class Electromagnet(Checked):
     """Coil and core: (L·i)' + R·i = V0·sin(ω0·t), pull = force_n_per_a2·i² at rest, (gap/(gap − z))² of it at z."""
 
     #: voltage_v and frequency_hz: V0, ω0/2π of the supply [V], [Hz]
-    voltage_v: Annotated[float, ABOVE_0, Unit("V"), Limits(0.0, 1e9), Fit(), Usual(0.5, 500.0, {"kV": 1e3, "mV": 1e-3})]
+    voltage_v: Annotated[Above0, Unit("V"), Limits(0.0, 1e9), Fit(), Usual(0.5, 500.0, {"kV": 1e3, "mV": 1e-3})]
     frequency_hz: Annotated[
-        float, ABOVE_0, Unit("Hz"), Limits(1e-3, 1e6), Fit(), Usual(5.0, 5e3, {"kHz": 1e3, "1/min": 1 / 60})
+        Above0, Unit("Hz"), Limits(1e-3, 1e6), Fit(), Usual(5.0, 5e3, {"kHz": 1e3, "1/min": 1 / 60})
     ]
     #: resistance_ohm and inductance_h: R, L [Ω], [H]
-    resistance_ohm: Annotated[
-        float, ABOVE_0, Unit("Ω"), Limits(1e-6, 1e9), Fit(), Usual(0.5, 1e5, {"kΩ": 1e3, "mΩ": 1e-3})
-    ]
+    resistance_ohm: Annotated[Above0, Unit("Ω"), Limits(1e-6, 1e9), Fit(), Usual(0.5, 1e5, {"kΩ": 1e3, "mΩ": 1e-3})]
     inductance_h: Annotated[
-        float, FROM_0, Unit("H"), Limits(0.0, 1e6), Fit(up_to=1.0), Usual(1e-5, 50.0, {"mH": 1e-3, "µH": 1e-6})
+        From0, Unit("H"), Limits(0.0, 1e6), Fit(up_to=1.0), Usual(1e-5, 50.0, {"mH": 1e-3, "µH": 1e-6})
     ]
     #: Pull at the rest position [N/A²]
-    force_n_per_a2: Annotated[float, ABOVE_0, Unit("N/A²"), Limits(1e-9, 1e9), Fit()]
+    force_n_per_a2: Annotated[Above0, Unit("N/A²"), Limits(1e-9, 1e9), Fit()]
     #: Air gap at rest [m]; None: the pull does not depend on the position
     gap_m: Annotated[float | None, ABOVE_0, Unit("m"), Limits(1e-9, 1.0), Fit(), _GAP] = None
     #: Whether L rises with the motion, by dL/dz = 2·pull/i², so that the motion acts on the current; else it stays
@@ -56,11 +55,11 @@ class Probe(Checked):
     """The swinging part: m·z'' + d·z' + c·z = pull − contact force."""
 
     #: mass_kg, stiffness_n_per_m and damping_ns_per_m: m, c, d [kg], [N/m], [N·s/m]
-    mass_kg: Annotated[float, ABOVE_0, Unit("kg"), Limits(1e-9, 1e3), Fit(), Usual(1e-4, 1.0, {"g": 1e-3})]
+    mass_kg: Annotated[Above0, Unit("kg"), Limits(1e-9, 1e3), Fit(), Usual(1e-4, 1.0, {"g": 1e-3})]
     stiffness_n_per_m: Annotated[
-        float, ABOVE_0, Unit("N/m"), Limits(1e-3, 1e13), Fit(), Usual(20.0, 1e7, {"N/mm": 1e3, "N/µm": 1e6})
+        Above0, Unit("N/m"), Limits(1e-3, 1e13), Fit(), Usual(20.0, 1e7, {"N/mm": 1e3, "N/µm": 1e6})
     ]
-    damping_ns_per_m: Annotated[float, ABOVE_0, Unit("N·s/m"), Limits(1e-9, 1e9), Fit()]
+    damping_ns_per_m: Annotated[Above0, Unit("N·s/m"), Limits(1e-9, 1e9), Fit()]
 
 
 @dataclass(frozen=True)
@@ -70,9 +69,9 @@ class Contact(Checked):
     Hunt and Crossley (1975), J. Appl. Mech. 42(2), 440–445: the damping vanishes with the overlap.
     """
 
-    stiffness: Annotated[float, ABOVE_0, Unit("N/m^p"), Limits(1e-3, 1e15), Fit()]  #: k [N/m^p]
-    exponent: Annotated[float, ABOVE_0, Limits(0.5, 3.0)] = 1.5  #: p: 1.5 for a ball on a flat (Hertz), 1 for a spring
-    damping_s_per_m: Annotated[float, FROM_0, Unit("s/m"), Limits(0.0, 1e6), Fit(up_to=2.0)] = 0.0  #: λ [s/m]
+    stiffness: Annotated[Above0, Unit("N/m^p"), Limits(1e-3, 1e15), Fit()]  #: k [N/m^p]
+    exponent: Annotated[Above0, Limits(0.5, 3.0)] = 1.5  #: p: 1.5 for a ball on a flat (Hertz), 1 for a spring
+    damping_s_per_m: Annotated[From0, Unit("s/m"), Limits(0.0, 1e6), Fit(up_to=2.0)] = 0.0  #: λ [s/m]
 
     def _misfits(self) -> Iterator[Misfit]:
         if self.exponent < 1.0:
@@ -84,16 +83,14 @@ class Contact(Checked):
 class Generator(Checked):
     """Coil on a permanent magnet: T_Γ·u' + u = −W·dΦ/dt, Φ = flux_wb·gap/(gap − z)."""
 
-    turns: Annotated[float, ABOVE_0, Limits(1e-3, 1e7), Fit(), Usual(5.0, 1e5)]  #: W
+    turns: Annotated[Above0, Limits(1e-3, 1e7), Fit(), Usual(5.0, 1e5)]  #: W
     #: flux_wb and gap_m: Flux at rest [Wb]; air gap at rest [m]
-    flux_wb: Annotated[
-        float, ABOVE_0, Unit("Wb"), Limits(1e-15, 1e3), Fit(), Usual(1e-8, 0.01, {"mWb": 1e-3, "µWb": 1e-6})
-    ]
-    gap_m: Annotated[float, ABOVE_0, Unit("m"), Limits(1e-9, 1.0), Fit(), _GAP]
+    flux_wb: Annotated[Above0, Unit("Wb"), Limits(1e-15, 1e3), Fit(), Usual(1e-8, 0.01, {"mWb": 1e-3, "µWb": 1e-6})]
+    gap_m: Annotated[Above0, Unit("m"), Limits(1e-9, 1.0), Fit(), _GAP]
     #: T_Γ, of the coil with its load [s]; 0: none
-    time_constant_s: Annotated[float, FROM_0, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(0.0, 1.0, _SECONDS)] = 0.0
+    time_constant_s: Annotated[From0, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(0.0, 1.0, _SECONDS)] = 0.0
     #: Pull of the permanent magnet on the probe at rest, where the spring holds it [N]; (gap/(gap − z))² of it at z
-    pull_n: Annotated[float, FROM_0, Unit("N"), Limits(1e-9, 1e6), Usual(0.0, 100.0, {"mN": 1e-3})] = 0.0
+    pull_n: Annotated[From0, Unit("N"), Limits(1e-9, 1e6), Usual(0.0, 100.0, {"mN": 1e-3})] = 0.0
 
 
 @dataclass(frozen=True)
@@ -101,7 +98,7 @@ class Smoothing(Checked):
     """Full-wave rectifier and first-order filter: T_Φ·S' + S = |u|."""
 
     #: T_Φ [s]
-    time_constant_s: Annotated[float, ABOVE_0, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(1e-3, 5.0, _SECONDS)]
+    time_constant_s: Annotated[Above0, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(1e-3, 5.0, _SECONDS)]
 
 
 @dataclass(frozen=True)
@@ -109,11 +106,11 @@ class Relay(Checked):
     """Comparison with a threshold, and what follows it: the command stands `delay_s` after the voltage reached it."""
 
     #: From the comparison to the feed standing still [s]
-    delay_s: Annotated[float, FROM_0, Unit("s"), Limits(1e-9, 1e4), Fit(up_to=0.2), Usual(0.0, 0.5, _SECONDS)] = 0.0
+    delay_s: Annotated[From0, Unit("s"), Limits(1e-9, 1e4), Fit(up_to=0.2), Usual(0.0, 0.5, _SECONDS)] = 0.0
     #: Standard deviation of noise on the compared voltage, without memory from one value to the next [V]
-    noise_v: Annotated[float, FROM_0, Unit("V"), Limits(0.0, 1e9), Fit(up_to=0.1), Usual(0.0, 1.0, {"mV": 1e-3})] = 0.0
+    noise_v: Annotated[From0, Unit("V"), Limits(0.0, 1e9), Fit(up_to=0.1), Usual(0.0, 1.0, {"mV": 1e-3})] = 0.0
     #: How long a value of this noise lasts, until the next is drawn: of a relay that samples, its period [s]
-    noise_hold_s: Annotated[float, ABOVE_0, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(1e-5, 1.0, _SECONDS)] = 0.01
+    noise_hold_s: Annotated[Above0, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(1e-5, 1.0, _SECONDS)] = 0.01
 
 
 @dataclass(frozen=True)
@@ -128,7 +125,7 @@ class Transducer(Checked):
     relay: Relay = Relay()
     #: From the tip at rest to a workpiece that is just to size, allowance 0 [m]; an allowance stands nearer by itself
     rest_gap_m: Annotated[
-        float, FINITE, Unit("m"), Limits(1e-9, 1.0), Fit(either_sign=1e-3), Usual(0.0, 3e-3, {"µm": 1e-6, "mm": 1e-3})
+        Finite, Unit("m"), Limits(1e-9, 1.0), Fit(either_sign=1e-3), Usual(0.0, 3e-3, {"µm": 1e-6, "mm": 1e-3})
     ] = 0.0
 
     def _misfits(self) -> Iterator[Misfit]:
@@ -145,20 +142,13 @@ class LinearGauge(Checked):
     """The gauge as G eq. 20 has it: T_Φ·S' + S = gain·x + bias, for allowances x around `allowance_um`."""
 
     #: K [V/µm]; negative: less allowance, more stroke
-    gain_v_per_um: Annotated[
-        float,
-        FINITE,
-        Unit("V/µm"),
-        Limits(1e-12, 1e6),
-        Fit(),
-        Usual(2e-4, 2.0, {"mV/µm": 1e-3, "V/mm": 1e-3, "V/nm": 1e3, "V/m": 1e-6}),
-    ]
+    gain_v_per_um: Annotated[Finite, Unit("V/µm"), Limits(1e-12, 1e6), Fit(), Usual(2e-4, 2.0, _GAIN)]
     #: Voltage that belongs to allowance 0 on this line [V]
-    bias_v: Annotated[float, FINITE, Unit("V"), Limits(0.0, 1e9), Fit(either_sign=1.0)]
+    bias_v: Annotated[Finite, Unit("V"), Limits(0.0, 1e9), Fit(either_sign=1.0)]
     #: T_Φ [s]
-    time_constant_s: Annotated[float, ABOVE_0, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(1e-3, 5.0, _SECONDS)]
+    time_constant_s: Annotated[Above0, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(1e-3, 5.0, _SECONDS)]
     #: Where the line touches the true characteristic [µm]
-    allowance_um: Annotated[float, FINITE, Unit("µm"), Limits(0.0, 1e6)] = 0.0
+    allowance_um: Annotated[Finite, Unit("µm"), Limits(0.0, 1e6)] = 0.0
 
 
 FAR_M = 1.0  #: A workpiece at this distance is out of reach.

@@ -10,13 +10,13 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, Checked
+from selector.physics.checks import Above0, Checked, Finite
 from selector.physics.ranges import SAME, above, below
 from selector.physics.vibration.final_motion import FinalMotions
 from selector.physics.vibration.structure import Structure, StructureModes, receptances, unit_force
@@ -26,7 +26,6 @@ MOST_VALUES = 2_000_000_000  #: Realisations that differ × sections: some fifte
 MOST_REALISATIONS = 1 << 22
 _DRAWN = 1 << 14  #: Realisations that are drawn where there are more: a mean of them is within half a percent.
 _BLOCK = 1 << 15
-_Above0 = Annotated[float, ABOVE_0]
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
@@ -152,15 +151,15 @@ class Cutting(Checked):
     The law of the force is P = 10·C_p·t^x·S^y·V^n·K_p [N] with t in mm, S in mm/rev, V in m/min (V eq. 2).
     """
 
-    diameter_mm: _Above0  #: Diameter of the workpiece at the cut [mm]
-    workpiece_rpm: _Above0  #: Speed of the workpiece [r/min]
-    feed_mm_per_rev: _Above0  #: S [mm/rev]
+    diameter_mm: Above0  #: Diameter of the workpiece at the cut [mm]
+    workpiece_rpm: Above0  #: Speed of the workpiece [r/min]
+    feed_mm_per_rev: Above0  #: S [mm/rev]
     #: force_coefficient, depth_exponent, feed_exponent, speed_exponent and force_correction: C_p, x, y, n, K_p
-    force_coefficient: _Above0
-    depth_exponent: _Above0
-    feed_exponent: Annotated[float, FINITE]
-    speed_exponent: Annotated[float, FINITE]
-    force_correction: _Above0 = 1.0
+    force_coefficient: Above0
+    depth_exponent: Above0
+    feed_exponent: Finite
+    speed_exponent: Finite
+    force_correction: Above0 = 1.0
 
     @property
     def speed_m_per_min(self) -> float:
@@ -184,9 +183,9 @@ class Surface(Checked):
     """Where one kind of periodic error ends and the next begins."""
 
     #: Wavelength below which an error is roughness [mm]: the cut-off (ISO 21920-3, ISO 4288)
-    roughness_below_mm: _Above0 = 0.8
+    roughness_below_mm: Above0 = 0.8
     #: Waves per revolution up to which an error belongs to the form of the cross-section
-    lobing_up_to_upr: _Above0 = 15.0
+    lobing_up_to_upr: Above0 = 15.0
 
 
 @dataclass(frozen=True)

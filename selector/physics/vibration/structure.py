@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +10,7 @@ from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
 from selector.errors import InputError, Misfit
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays
+from selector.physics.checks import Above0, Checked, Finite, From0, keep_arrays
 from selector.types import Array, Complex, Indices, Matrix, Vector
 
 
@@ -19,12 +18,12 @@ from selector.types import Array, Complex, Indices, Matrix, Vector
 class Line(Checked):
     """One line of a spectrum: amplitude·sin(ωt + phase)."""
 
-    frequency_hz: Annotated[float, ABOVE_0] | None = None  #: Where the frequency is fixed [Hz]
-    order: Annotated[float, ABOVE_0] | None = None  #: Where it follows a shaft: periods per revolution
-    force_n: Annotated[float, FROM_0] = 0.0  #: Amplitude of the force, the same at every speed [N]
+    frequency_hz: Above0 | None = None  #: Where the frequency is fixed [Hz]
+    order: Above0 | None = None  #: Where it follows a shaft: periods per revolution
+    force_n: From0 = 0.0  #: Amplitude of the force, the same at every speed [N]
     #: Mass times eccentricity of what turns [kg·m]: a force of unbalance·ω² beside `force_n`
-    unbalance_kg_m: Annotated[float, FROM_0] = 0.0
-    phase_rad: Annotated[float, FINITE] = 0.0  #: Phase against the other lines of its source [rad]
+    unbalance_kg_m: From0 = 0.0
+    phase_rad: Finite = 0.0  #: Phase against the other lines of its source [rad]
 
     def _misfits(self) -> Iterator[Misfit]:
         if (self.frequency_hz is None) == (self.order is None):
@@ -186,7 +185,7 @@ class Member(Checked):
     """A part of the machine that moves as one mass."""
 
     name: str
-    mass_kg: Annotated[float, ABOVE_0]  #: m [kg]
+    mass_kg: Above0  #: m [kg]
 
     def _misfits(self) -> Iterator[Misfit]:
         if self.name == GROUND or not self.name:
@@ -199,9 +198,9 @@ class Joint(Checked):
     """Spring and damping between two members, or between a member and `GROUND`."""
 
     between: tuple[str, str]  #: Names of what it joins
-    stiffness_n_per_m: Annotated[float, ABOVE_0]  #: j [N/m]
+    stiffness_n_per_m: Above0  #: j [N/m]
     #: ψ, energy lost in a cycle over the largest energy stored in it; 0: none
-    dissipation: Annotated[float, FROM_0] = 0.0
+    dissipation: From0 = 0.0
 
     def _misfits(self) -> Iterator[Misfit]:
         if self.between[0] == self.between[1]:
@@ -299,9 +298,18 @@ def receptances(structure: Structure, frequency_hz: ArrayLike, force_n: ArrayLik
     InputError at a resonance that nothing damps.
     """
     frequency = np.asarray(frequency_hz, dtype=np.float64)
-    force = np.asarray(force_n, dtype=np.complex128)
-    solved = _solved(structure, frequency, np.broadcast_to(force.T, (len(frequency), *force.T.shape)))
-    return np.ascontiguousarray(np.moveaxis(solved, 2, 0))
+    force = np.asarray(force_n, dtype=np.complex128).T
+    scaled, root = scaled_stiffness_matrix(structure), np.sqrt(masses_kg(structure))
+    refuse_unresolved(structure, frequency)
+    motion = np.empty((len(frequency), *force.shape), dtype=np.complex128)
+    at_once = max(1, NUMBERS_AT_ONCE // (len(root) * (len(root) + force.shape[1])))
+    diagonal = np.arange(len(root))
+    for begin in range(0, len(frequency), at_once):
+        part = frequency[begin : begin + at_once]
+        dynamic = np.repeat(scaled[None], len(part), axis=0)
+        dynamic[:, diagonal, diagonal] -= (2.0 * math.pi * part[:, None]) ** 2
+        motion[begin : begin + at_once] = np.linalg.solve(dynamic, force / root[:, None]) / root[:, None]
+    return np.ascontiguousarray(np.moveaxis(motion, 2, 0))
 
 
 def receptance(
@@ -338,7 +346,8 @@ def known_place(structure: Structure, name: str, where: str) -> int:
 
 def refuse_unresolved(structure: Structure, frequency_hz: Vector) -> None:
     """Raises InputError for the first frequency [Hz] at which the dynamic stiffness is singular or lost in rounding."""
-    eigenvalues = np.linalg.eigvals(scaled_stiffness_matrix(structure))
+    scaled = scaled_stiffness_matrix(structure)
+    eigenvalues = np.linalg.eigvals(scaled)
     square = (2.0 * math.pi * frequency_hz) ** 2
     largest = float(np.abs(eigenvalues).max())
     distance = np.full(len(square), math.inf)
@@ -349,7 +358,10 @@ def refuse_unresolved(structure: Structure, frequency_hz: Vector) -> None:
         return
     first = int(wrong[0])
     frequency = f"{frequency_hz[first]:.6g} Hz"
-    member, between = _most_in_mode(structure, float(square[first]))
+    # what moves most in the nearest mode, and the joint that it strains most
+    near, vectors = np.linalg.eig(scaled)
+    shape = vectors[:, np.argmin(np.abs(near - square[first]))].astype(np.complex128) / np.sqrt(masses_kg(structure))
+    member, between = structure.names[int(np.argmax(np.abs(shape)))], strained_joint(structure, shape).between
     if distance[first] < UNDAMPED * square[first]:
         raise InputError(
             f"a resonance at {frequency} that nothing damps; {member!r} moves most in it",
@@ -365,21 +377,6 @@ def refuse_unresolved(structure: Structure, frequency_hz: Vector) -> None:
     )
 
 
-def _solved(structure: Structure, frequency_hz: Vector, force_n: Complex) -> Complex:
-    """X of (K − ω²M)·X = F, shape (n_freq, n_members, n_cases)."""
-    scaled, root = scaled_stiffness_matrix(structure), np.sqrt(masses_kg(structure))
-    refuse_unresolved(structure, frequency_hz)
-    motion = np.empty(force_n.shape, dtype=np.complex128)
-    at_once = max(1, NUMBERS_AT_ONCE // (len(root) * (len(root) + force_n.shape[2])))
-    diagonal = np.arange(len(root))
-    for begin in range(0, len(frequency_hz), at_once):
-        part = slice(begin, begin + at_once)
-        dynamic = np.repeat(scaled[None], len(frequency_hz[part]), axis=0)
-        dynamic[:, diagonal, diagonal] -= (2.0 * math.pi * frequency_hz[part, None]) ** 2
-        motion[part] = np.linalg.solve(dynamic, force_n[part] / root[:, None]) / root[:, None]
-    return motion
-
-
 def strained_joint(structure: Structure, shape: Complex) -> Joint:
     """The joint that holds most of the energy of a motion of the members, shape (n_members,)."""
     motion = {**dict(zip(structure.names, shape, strict=True)), GROUND: 0.0}
@@ -387,14 +384,6 @@ def strained_joint(structure: Structure, shape: Complex) -> Joint:
         structure.joints,
         key=lambda joint: joint.stiffness_n_per_m * abs(motion[joint.between[0]] - motion[joint.between[1]]) ** 2,
     )
-
-
-def _most_in_mode(structure: Structure, square: float) -> tuple[str, tuple[str, str]]:
-    """The member that moves most in the mode nearest to ω² = `square`, and the joint that it strains most."""
-    eigenvalues, vectors = np.linalg.eig(scaled_stiffness_matrix(structure))
-    near: Complex = vectors[:, np.argmin(np.abs(eigenvalues - square))].astype(np.complex128)
-    shape = near / np.sqrt(masses_kg(structure))
-    return structure.names[int(np.argmax(np.abs(shape)))], strained_joint(structure, shape).between
 
 
 #: Modes whose product φᵀ·M·φ is above this share of their lengths are not told apart by their eigenvalues.

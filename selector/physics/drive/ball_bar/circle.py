@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, errors_name, keep_arrays
+from selector.physics.checks import Above0, Checked, Finite, From0, errors_name, keep_arrays
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.simulation import AxisRun, circle_step_s, simulate_axis
 from selector.physics.drive.trajectory import ParameterCourse, Reference
@@ -24,20 +24,19 @@ from selector.types import Mask, Vector
 RAMP_S = 1.0  #: Longest time in which the feed is reached [s].
 MOST_SAMPLES = 5_000_000
 _MM_PER_MIN = 1e-3 / 60.0
-_Above0 = Annotated[float, ABOVE_0]
 
 
 @dataclass(frozen=True)
 class TableBall(Checked):
     """The ball of the workpiece on a rotary table."""
 
-    ball_distance_m: Annotated[float, FROM_0]  #: From the centre of the table [m]
+    ball_distance_m: From0  #: From the centre of the table [m]
     #: Direction of the ball seen from the centre of the table at the start of the measured circle [rad]. A quarter turn
     #: from the bar (the default, with the circle's start at 0): lag of the table against the linear axes changes the
     #: radius; in line with the bar it does not.
-    ball_angle_rad: Annotated[float, FINITE] = -math.pi / 2
+    ball_angle_rad: Finite = -math.pi / 2
     #: Turn of the table per turn of the bar; 1: the bar stands still on the table
-    ratio: Annotated[float, FINITE] = 1.0
+    ratio: Finite = 1.0
 
 
 @dataclass(frozen=True)
@@ -48,13 +47,13 @@ class Circle(Checked):
     overshoot and at most `RAMP_S`, and stop in the same way, so that the measured arc has a steady feed.
     """
 
-    feed_mm_per_min: _Above0  #: Speed of one ball about the other one, radius × angular speed [mm/min]
+    feed_mm_per_min: Above0  #: Speed of one ball about the other one, radius × angular speed [mm/min]
     direction: Literal[1, -1] = 1  #: {1, -1}: 1: counter-clockwise, from the first axis to the second; −1: clockwise
-    radius_m: _Above0 = 0.1  #: Nominal length of the bar [m]
+    radius_m: Above0 = 0.1  #: Nominal length of the bar [m]
     #: Centre in the coordinates of the axes [m]; with a rotary axis the centre of its table
     centre_m: tuple[float, float] = (0.0, 0.0)
-    start_angle_rad: Annotated[float, FINITE] = 0.0  #: Where the measured arc begins [rad]
-    overshoot_rad: _Above0 = math.pi / 4  #: Arc before and after the measured one [rad]
+    start_angle_rad: Finite = 0.0  #: Where the measured arc begins [rad]
+    overshoot_rad: Above0 = math.pi / 4  #: Arc before and after the measured one [rad]
     table_ball: TableBall | None = None  #: The third, rotary axis
 
     @property
@@ -183,8 +182,8 @@ class BallBarTrace(Checked):
     deviation_um: Vector  #: (n_samples,): Distance of the balls minus nominal length [µm]
     direction: Literal[1, -1]  #: {1, -1}: 1: counter-clockwise, from the first axis to the second
     #: feed_mm_per_min and radius_m: Feed [mm/min] and nominal length of the bar [m]
-    feed_mm_per_min: _Above0
-    radius_m: _Above0 = 0.1
+    feed_mm_per_min: Above0
+    radius_m: Above0 = 0.1
     axes: tuple[str, ...] = ("X", "Y")  #: Names: first, second, and of a third, rotary one if there was one
     table_ball: TableBall | None = None  #: Where the ball of the workpiece stood on the rotary axis
     #: Direction of the bar where the ball of the workpiece stood at its `ball_angle_rad` [rad]

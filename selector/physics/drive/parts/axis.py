@@ -11,26 +11,25 @@ from numpy.typing import ArrayLike
 from scipy import optimize
 
 from selector.errors import InputError, Misfit
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays
+from selector.physics.checks import FINITE, FROM_0, Above0, Checked, Finite, From0, keep_arrays
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 
-Mass = Annotated[float, ABOVE_0, Unit("kg"), Limits(1e-9, 1e9), Fit()]
+Mass = Annotated[Above0, Unit("kg"), Limits(1e-9, 1e9), Fit()]
 CarriedMass = Annotated[Mass, Usual(5.0, 1e5, {"t": 1e3, "g": 1e-3})]
 _INERTIA_UNITS = {"kg·cm²": 1e-4, "kg·mm²": 1e-6, "g·cm²": 1e-7}
-Inertia = Annotated[float, ABOVE_0, Unit("kg·m²"), Limits(1e-12, 1e6), Fit(), Usual(1e-7, 0.5, _INERTIA_UNITS)]
-Force = Annotated[float, FROM_0, Unit("N"), Limits(0.0, 1e9), Fit()]
-Torque = Annotated[float, FROM_0, Unit("N·m"), Limits(0.0, 1e9), Fit()]
-Stiffness = Annotated[float, ABOVE_0, Unit("N/m"), Limits(1e-3, 1e13), Fit()]
+Inertia = Annotated[Above0, Unit("kg·m²"), Limits(1e-12, 1e6), Fit(), Usual(1e-7, 0.5, _INERTIA_UNITS)]
+Force = Annotated[From0, Unit("N"), Limits(0.0, 1e9), Fit()]
+Torque = Annotated[From0, Unit("N·m"), Limits(0.0, 1e9), Fit()]
+Stiffness = Annotated[Above0, Unit("N/m"), Limits(1e-3, 1e13), Fit()]
 TorsionalStiffness = Annotated[
-    float, ABOVE_0, Unit("N·m/rad"), Limits(1e-6, 1e12), Fit(), Usual(50.0, 1e7, {"kN·m/rad": 1e3, "N·mm/rad": 1e-3})
+    Above0, Unit("N·m/rad"), Limits(1e-6, 1e12), Fit(), Usual(50.0, 1e7, {"kN·m/rad": 1e3, "N·mm/rad": 1e-3})
 ]
-Damping = Annotated[float, FROM_0, Unit("N·s/m"), Limits(0.0, 1e9), Fit()]
-TorsionalDamping = Annotated[float, FROM_0, Unit("N·m·s/rad"), Limits(0.0, 1e6), Fit()]
-Angle = Annotated[float, FINITE, Unit("rad"), Limits(0.0, 1e6), Fit(either_sign=math.pi)]
+Damping = Annotated[From0, Unit("N·s/m"), Limits(0.0, 1e9), Fit()]
+TorsionalDamping = Annotated[From0, Unit("N·m·s/rad"), Limits(0.0, 1e6), Fit()]
+Angle = Annotated[Finite, Unit("rad"), Limits(0.0, 1e6), Fit(either_sign=math.pi)]
 Length = Annotated[float, Unit("m"), Limits(0.0, 1e4)]
-Efficiency = Annotated[float, ABOVE_0, Limits(0.1, 1.0), Fit(0.3, 1.0), Usual(0.7, 1.0)]
-_Place = Annotated[float, FINITE]
+Efficiency = Annotated[Above0, Limits(0.1, 1.0), Fit(0.3, 1.0), Usual(0.7, 1.0)]
 _ERROR = Usual(0.0, 2e-3, {"µm": 1e-6, "mm": 1e-3})
 
 
@@ -61,7 +60,7 @@ class ThreeMassMechanics(Checked):
     screw_inertia_kg_m2: Inertia
     table_mass_kg: CarriedMass  #: Mt, with what lies on it [kg]
     #: Travel per revolution [m]; negative for a left-handed screw is not meant
-    lead_m: Annotated[float, ABOVE_0, Unit("m"), Limits(1e-6, 10.0), Usual(5e-4, 0.2, {"mm": 1e-3})]
+    lead_m: Annotated[Above0, Unit("m"), Limits(1e-6, 10.0), Usual(5e-4, 0.2, {"mm": 1e-3})]
     #: torsional_stiffness_nm_per_rad and axial_stiffness_n_per_m: Kθ, Ke
     torsional_stiffness_nm_per_rad: TorsionalStiffness
     axial_stiffness_n_per_m: Annotated[Stiffness, Usual(1e6, 1e10, {"N/µm": 1e6, "N/mm": 1e3})]
@@ -92,7 +91,7 @@ class LuGre(Checked):
     stiffness_n_per_m: Stiffness  #: σ0 [N/m]
     damping_ns_per_m: Damping = 0.0  #: σ1 [N·s/m]
     #: σ1 falls as exp(−(v/v_d)²), so that sliding is not damped twice and friction stays passive; 0: it does not fall
-    fading_speed_m_per_s: Annotated[float, FROM_0, Unit("m/s"), Limits(0.0, 1e3), Fit(up_to=0.1)] = 0.0
+    fading_speed_m_per_s: Annotated[From0, Unit("m/s"), Limits(0.0, 1e3), Fit(up_to=0.1)] = 0.0
 
 
 @dataclass(frozen=True)
@@ -110,8 +109,8 @@ class Friction(Checked):
     static_n: Force | None = None
     static_negative_n: Force | None = None
     #: stribeck_speed_m_per_s and stribeck_exponent: v_s, δ; they matter only where S differs from C
-    stribeck_speed_m_per_s: Annotated[float, ABOVE_0, Unit("m/s"), Limits(1e-9, 1e3), Fit(1e-4, 0.5)] = 0.01
-    stribeck_exponent: Annotated[float, ABOVE_0, Limits(1e-3, 100.0), Fit(0.5, 4.0)] = 2.0
+    stribeck_speed_m_per_s: Annotated[Above0, Unit("m/s"), Limits(1e-9, 1e3), Fit(1e-4, 0.5)] = 0.01
+    stribeck_exponent: Annotated[Above0, Limits(1e-3, 100.0), Fit(0.5, 4.0)] = 2.0
     offset_n: Annotated[Force, FINITE] = 0.0  #: Constant force against the positive direction: weight, cable [N]
     #: What v < 0 has of viscous friction beyond that of the mechanics [N·s/m]; linearised loops do without it
     viscous_negative_ns_per_m: Annotated[Damping, FINITE] = 0.0
@@ -139,11 +138,11 @@ class Ripple(Checked):
     φ is 2π per `period` of motor position (2π rad for a motor that turns, the pole pitch in metres for a rigid axis).
     """
 
-    harmonic: Annotated[float, ABOVE_0, Limits(1e-6, 1e6)]  #: n, periods per `period`
+    harmonic: Annotated[Above0, Limits(1e-6, 1e6)]  #: n, periods per `period`
     #: Amplitude that does not depend on the current [N·m], or [N] for a rigid axis
-    cogging: Annotated[float, FINITE, Limits(0.0, 1e9), Fit()] = 0.0
+    cogging: Annotated[Finite, Limits(0.0, 1e9), Fit()] = 0.0
     #: Amplitude as a share of the actuator's force
-    share: Annotated[float, FINITE, Limits(0.0, 100.0), Fit(either_sign=0.5)] = 0.0
+    share: Annotated[Finite, Limits(0.0, 100.0), Fit(either_sign=0.5)] = 0.0
     phase_rad: Angle = 0.0  #: Phase [rad]
 
 
@@ -158,7 +157,7 @@ class Transmission(Checked):
     pitch_amplitude_m: Annotated[Length, FROM_0, Fit(up_to=1e-4), _ERROR] = 0.0
     pitch_phase_rad: Angle = 0.0
     #: Cumulative pitch error, travel per travel (1e-6: 1 µm/m)
-    pitch_slope: Annotated[float, FINITE, Limits(0.0, 0.1), Fit(either_sign=1e-3)] = 0.0
+    pitch_slope: Annotated[Finite, Limits(0.0, 0.1), Fit(either_sign=1e-3)] = 0.0
     #: pitch_position_m and pitch_error_m: Table of cumulative pitch error over the nominal travel R·θl [m], straight
     #: between, constant beyond; may be empty
     pitch_position_m: tuple[Length, ...] = ()
@@ -185,10 +184,10 @@ class AxialCompliance(Checked):
     #: both increasing through (0, 0)
     force_n: Vector
     joint_deflection_m: Vector
-    shaft_n: Annotated[float, ABOVE_0]  #: E·A of the screw shaft [N]
+    shaft_n: Above0  #: E·A of the screw shaft [N]
     #: length_m and origin_m: Distance of the bearings; that of the nut from the fixed one at table position 0 [m]
-    length_m: Annotated[float, ABOVE_0]
-    origin_m: Annotated[float, ABOVE_0]
+    length_m: Above0
+    origin_m: Above0
     both_ends: bool = True  #: Whether the screw is held axially at both ends
 
     def __post_init__(self) -> None:
@@ -207,8 +206,8 @@ class AxialCompliance(Checked):
 
 MOST_WAITING = 300  #: Samples of the control that a command may wait, and that a measured speed may reach over.
 KV = 1000.0 / 60.0  #: 1 m/(min·mm), the workshop's unit of the Kv factor, in 1/s.
-_Limit = Annotated[float, ABOVE_0, Limits(1e-9, 1e9), Fit()]
-_Waiting = Annotated[float, FROM_0, Unit("s"), Usual(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6})]
+_Limit = Annotated[Above0, Limits(1e-9, 1e9), Fit()]
+_Waiting = Annotated[From0, Unit("s"), Usual(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6})]
 
 
 @dataclass(frozen=True)
@@ -224,17 +223,12 @@ class Servo(Checked):
 
     #: Kp, the "Kv factor" of the workshop [1/s]
     position_gain_per_s: Annotated[
-        float,
-        ABOVE_0,
-        Unit("1/s"),
-        Limits(1e-9, 1e9),
-        Fit(),
-        Usual(6.0, 600.0, {"m/(min·mm)": KV, "1/min": 1.0 / 60.0}),
+        Above0, Unit("1/s"), Limits(1e-9, 1e9), Fit(), Usual(6.0, 600.0, {"m/(min·mm)": KV, "1/min": 1.0 / 60.0})
     ]
     #: velocity_gain and velocity_integral_gain: Kvp [actuator unit per motor speed], Kvi [the same per s]: A·s/rad,
     #: A/rad; or V·s/m, V/m
-    velocity_gain: Annotated[float, ABOVE_0, Limits(1e-12, 1e12), Fit()]
-    velocity_integral_gain: Annotated[float, FROM_0, Fit()] = 0.0
+    velocity_gain: Annotated[Above0, Limits(1e-12, 1e12), Fit()]
+    velocity_integral_gain: Annotated[From0, Fit()] = 0.0
     actuator_gain: _Limit = 1.0  #: Kf [N·m or N per actuator unit]
     #: command_limit and speed_limit: Largest |u| [actuator unit] and largest |speed*| [motor speed]
     command_limit: _Limit | None = None
@@ -244,8 +238,8 @@ class Servo(Checked):
     #: From the computed command to the actuator [s]
     delay_s: Annotated[_Waiting, Limits(0.0, 100.0), Fit(up_to=0.02)] = 0.0
     #: velocity_feedforward and acceleration_feedforward: Shares ff_v, ff_a, 1 = complete
-    velocity_feedforward: Annotated[float, FROM_0, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
-    acceleration_feedforward: Annotated[float, FROM_0, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
+    velocity_feedforward: Annotated[From0, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
+    acceleration_feedforward: Annotated[From0, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
     #: {"table", "motor"}: Where the position is measured: scale on the table, or encoder of the motor × R
     feedback: Literal["table", "motor"] = "table"
 
@@ -255,17 +249,17 @@ class Sensing(Checked):
     """What the control sees of position and current; zero: exactly."""
 
     #: Step of the motor's encoder [rad], or [m] for a rigid axis
-    motor_resolution: Annotated[float, FROM_0, Limits(1e-15, 1e3)] = 0.0
+    motor_resolution: Annotated[From0, Limits(1e-15, 1e3)] = 0.0
     #: Step of the linear scale [m]
     scale_resolution_m: Annotated[
-        float, FROM_0, Unit("m"), Limits(1e-15, 1e3), Usual(0.0, 1e-3, {"µm": 1e-6, "mm": 1e-3, "nm": 1e-9})
+        From0, Unit("m"), Limits(1e-15, 1e3), Usual(0.0, 1e-3, {"µm": 1e-6, "mm": 1e-3, "nm": 1e-9})
     ] = 0.0
     #: Speed as the difference of two encoder readings, as controls have it; else the true speed
     speed_from_encoder: bool = False
     #: Samples between these two readings; over more than one the speed is smoother and later, by half of them
     speed_samples: Annotated[int, Limits(1, MOST_WAITING)] = 1
     #: Standard deviation of noise on the command, drawn at every sample [actuator unit]
-    current_noise: Annotated[float, FROM_0, Limits(0.0, 1e6)] = 0.0
+    current_noise: Annotated[From0, Limits(0.0, 1e6)] = 0.0
 
     def _misfits(self) -> Iterator[Misfit]:
         if self.speed_samples < 1 or (self.speed_samples > 1 and not self.speed_from_encoder):
@@ -286,7 +280,7 @@ class Axis(Checked):
     friction: Friction = field(default_factory=Friction)
     transmission: Transmission = field(default_factory=Transmission)
     ripple: tuple[Ripple, ...] = ()
-    ripple_period: Annotated[float, ABOVE_0] = 2.0 * math.pi
+    ripple_period: Above0 = 2.0 * math.pi
     compliance: AxialCompliance | None = None
     sensing: Sensing = field(default_factory=Sensing)
 
@@ -359,15 +353,15 @@ class AxisState(Checked):
 
     #: motor, motor_speed, screw and screw_speed: Positions and speeds [rad], [rad/s]; of a rigid axis `motor` is the
     #: mass [m], [m/s] and the screw is nothing
-    motor: _Place = 0.0
-    motor_speed: _Place = 0.0
-    screw: _Place = 0.0
-    screw_speed: _Place = 0.0
+    motor: Finite = 0.0
+    motor_speed: Finite = 0.0
+    screw: Finite = 0.0
+    screw_speed: Finite = 0.0
     #: table_m and table_speed_m_per_s: Position and speed of the table; of a rigid axis they follow from the motor
-    table_m: _Place = 0.0
-    table_speed_m_per_s: _Place = 0.0
-    bristle_m: _Place = 0.0  #: Deflection of the bristles of the guide [m]
-    integral: _Place = 0.0  #: Integral of the speed error of the servo [motor position]
+    table_m: Finite = 0.0
+    table_speed_m_per_s: Finite = 0.0
+    bristle_m: Finite = 0.0  #: Deflection of the bristles of the guide [m]
+    integral: Finite = 0.0  #: Integral of the speed error of the servo [motor position]
 
 
 def unloaded_state(axis: Axis, position_m: float, speed_m_per_s: float = 0.0) -> AxisState:

@@ -9,22 +9,22 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from selector.errors import Misfit
-from selector.physics.checks import ABOVE_0, FROM_0, Checked
+from selector.physics.checks import ABOVE_0, FROM_0, Above0, Checked, From0
 from selector.physics.drive.parts import axis
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 
-_Millimetres = Annotated[float, ABOVE_0, Unit("mm"), Limits(1e-6, 1e6)]
+_Millimetres = Annotated[Above0, Unit("mm"), Limits(1e-6, 1e6)]
 _Diameter = Annotated[_Millimetres, Usual(3.0, 500.0, {"m": 1e3, "cm": 10.0})]
 _BallDiameter = Annotated[_Millimetres, Usual(0.5, 50.0, {"m": 1e3, "cm": 10.0})]
-_Modulus = Annotated[float, ABOVE_0, Unit("GPa"), Limits(1e-3, 1e12)]
+_Modulus = Annotated[Above0, Unit("GPa"), Limits(1e-3, 1e12)]
 _MODULUS_UNITS = {"Pa": 1e-9, "N/mm²": 1e-3, "TPa": 1e3}
-_Density = Annotated[float, ABOVE_0, Unit("kg/m³"), Limits(1e-3, 1e6), Usual(1e3, 2e4, {"g/cm³": 1e3})]
+_Density = Annotated[Above0, Unit("kg/m³"), Limits(1e-3, 1e6), Usual(1e3, 2e4, {"g/cm³": 1e3})]
 _ShearModulus = Annotated[_Modulus, Usual(10.0, 300.0, _MODULUS_UNITS)]
-_Preload = Annotated[float, ABOVE_0, Unit("N"), Limits(0.0, 1e7), Fit(), Usual(10.0, 1e6, {"kN": 1e3})]
+_Preload = Annotated[Above0, Unit("N"), Limits(0.0, 1e7), Fit(), Usual(10.0, 1e6, {"kN": 1e3})]
 _RIGIDITY_UNITS = {"N/m": 1e-6, "N/mm": 1e-3, "kN/µm": 1e3}
-_Rigidity = Annotated[float, ABOVE_0, Unit("N/µm"), Limits(1e-6, 1e7), Fit(), Usual(5.0, 2e4, _RIGIDITY_UNITS)]
-_RigidityPreload = Annotated[float, ABOVE_0, Unit("N"), Limits(1e-3, 1e7)]
-_RigidityShare = Annotated[float, ABOVE_0, Fit(0.1, 1.0)]
+_Rigidity = Annotated[Above0, Unit("N/µm"), Limits(1e-6, 1e7), Fit(), Usual(5.0, 2e4, _RIGIDITY_UNITS)]
+_RigidityPreload = Annotated[Above0, Unit("N"), Limits(1e-3, 1e7)]
+_RigidityShare = Annotated[Above0, Fit(0.1, 1.0)]
 _ContactAngle = Annotated[float, Unit("°"), Limits(0.0, 360.0)]
 _Conformity = Annotated[float, Fit(0.505, 0.6)]
 
@@ -35,12 +35,10 @@ class Motor(Checked):
 
     inertia_kg_m2: axis.Inertia = 0.0053
     torque_constant_nm_per_a: Annotated[
-        float, ABOVE_0, Unit("N·m/A"), Limits(1e-9, 1e6), Fit(), Usual(0.01, 50.0, {"mN·m/A": 1e-3})
+        Above0, Unit("N·m/A"), Limits(1e-9, 1e6), Fit(), Usual(0.01, 50.0, {"mN·m/A": 1e-3})
     ] = 0.79
     peak_torque_nm: Annotated[axis.Torque, ABOVE_0] = 76.0
-    top_speed_rpm: Annotated[
-        float, ABOVE_0, Unit("r/min"), Limits(1e-6, 1e7), Fit(), Usual(50.0, 6e4, {"1/s": 60.0})
-    ] = 4000.0
+    top_speed_rpm: Annotated[Above0, Unit("r/min"), Limits(1e-6, 1e7), Fit(), Usual(50.0, 6e4, {"1/s": 60.0})] = 4000.0
 
     @property
     def limits(self) -> dict[str, Any]:
@@ -71,7 +69,7 @@ class Screw(Checked):
     diameter_mm: _Diameter = 40.0
     root_diameter_mm: _Diameter = 34.91
     #: Travel per revolution [mm]
-    lead_mm: Annotated[float, ABOVE_0, Unit("mm"), Limits(1e-3, 1e4), Usual(0.5, 200.0, {"m": 1e3, "µm": 1e-3})] = 20.0
+    lead_mm: Annotated[Above0, Unit("mm"), Limits(1e-3, 1e4), Usual(0.5, 200.0, {"m": 1e3, "µm": 1e-3})] = 20.0
     #: length_mm and overhang_mm: Between the axial bearings; from the coupling to the first of them [mm]
     length_mm: Annotated[_Millimetres, Usual(20.0, 5e4, {"m": 1e3, "µm": 1e-3})] = 1200.0
     overhang_mm: Annotated[_Millimetres, FROM_0] = 100.0
@@ -102,7 +100,7 @@ class Nut(Checked):
     #: ball_diameter_mm and pitch_circle_mm: Of the balls; of the circle of their centres [mm]
     ball_diameter_mm: _BallDiameter = 6.35
     pitch_circle_mm: _Diameter = 41.4
-    turns: Annotated[float, ABOVE_0] = 4.0  #: Loaded turns of balls for each direction
+    turns: Above0 = 4.0  #: Loaded turns of balls for each direction
     contact_angle_deg: _ContactAngle = 45.0  #: Between a contact and the plane across the axis
     conformity: _Conformity = 0.54  #: Radius of the groove / diameter of the balls
     #: rigidity_n_per_um and rigidity_preload_n: Catalogue rigidity and the preload that it holds for; None: Hertz
@@ -150,7 +148,7 @@ class Guide(Checked):
     Balls of both rows of a carriage carry its preload, hence the 2.
     """
 
-    friction_coefficient: Annotated[float, FROM_0, Fit(), Usual(0.0, 0.5, {"%": 0.01})] = 0.004
+    friction_coefficient: Annotated[From0, Fit(), Usual(0.0, 0.5, {"%": 0.01})] = 0.004
     carriages: Annotated[int, FROM_0, Limits(0, 1000)] = 4
     carriage_preload_n: axis.Force = 4000.0
     seal_n: axis.Force = 20.0

@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize, special
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, Checked
+from selector.physics.checks import Above0, Checked
 from selector.physics.drive.parts.axis import AxialCompliance, Friction, ThreeMassMechanics
 from selector.physics.drive.parts.catalogue import Bearings, Nut, Parts
 from selector.physics.drive.trajectory import ParameterCourse, Reference
@@ -27,8 +27,8 @@ class PreloadedContact(Checked):
     grows with F^(1/3) from there on.
     """
 
-    load_per_deflection: Annotated[float, ABOVE_0]  #: κ of one side [N/m^1.5]
-    preload_n: Annotated[float, ABOVE_0]  #: Preload [N]
+    load_per_deflection: Above0  #: κ of one side [N/m^1.5]
+    preload_n: Above0  #: Preload [N]
 
     @classmethod
     def from_rigidity(cls, stiffness_n_per_m: float, at_preload_n: float, preload_n: float) -> "PreloadedContact":

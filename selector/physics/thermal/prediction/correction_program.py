@@ -227,7 +227,7 @@ def _refuse_curve(found: str, expected: str) -> None:
     )
 
 
-_HEADINGS = (
+_HEADINGS = [
     "response",
     "operation",
     "correction",
@@ -237,7 +237,7 @@ _HEADINGS = (
     "offset_um",
     "step_mm",
     "offset_mm",
-)
+]
 
 
 def notation(operation: Operation) -> str:
