@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.physics.thermal.network.heat_system import Contact, HeatSystem, factorised, joined
+from selector.physics.thermal.network.heat_system import HeatSystem, factorised, joined
 from tests.physics.thermal.reductions import reduced, reduction_error
 from tests.physics.thermal.voxels import voxel_machine
 
@@ -32,7 +32,7 @@ def machine():
 
 def test_all_heat_of_the_part_leaves_through_the_contact(machine):
     """With no air at the shaft its heat warms the machine: the contact falls by q/G, whatever else there is."""
-    whole = joined(machine, shaft(), [Contact("bearing", "nose", 12.0)])
+    whole = joined(machine, shaft(), [("bearing", "nose", 12.0)])
     films = {"bed": 8.0, "head": 8.0}
     state = factorised(whole, films, np.inf)(whole.sources["rotor"])
     surface = machine.sources["bearing"] @ state[: machine.size]
@@ -44,7 +44,7 @@ def test_all_heat_of_the_part_leaves_through_the_contact(machine):
 
 
 def test_a_uniform_body_exchanges_nothing_and_the_matrix_is_symmetric(machine):
-    whole = joined(machine, shaft("head"), [Contact("bearing", "nose", 12.0), Contact("nut", "end", 2.0)])
+    whole = joined(machine, shaft("head"), [("bearing", "nose", 12.0), ("nut", "end", 2.0)])
     scale = abs(whole.conduction).max()
     assert np.abs(whole.conduction @ whole.uniform).max() < 1e-12 * scale  # round-off
     assert abs(whole.conduction - whole.conduction.T).max() == 0
@@ -55,14 +55,14 @@ def test_a_uniform_body_exchanges_nothing_and_the_matrix_is_symmetric(machine):
 
 
 def test_a_strong_contact_makes_one_temperature(machine):
-    whole = joined(machine, shaft(), [Contact("bearing", "nose", 1e7)])
+    whole = joined(machine, shaft(), [("bearing", "nose", 1e7)])
     state = factorised(whole, {"bed": 8.0}, 500.0)(whole.sources["motor"])
     # at most 1 W flows through 1e7 W/K
     assert abs(state[-2] - machine.sources["bearing"] @ state[: machine.size]) < 1e-7
 
 
 def test_the_joined_body_can_be_reduced(machine):
-    whole = joined(machine, shaft(), [Contact("bearing", "nose", 12.0)])
+    whole = joined(machine, shaft(), [("bearing", "nose", 12.0)])
     sets = [{"bed": 8.0, "column": 8.0, "head": 8.0, "nose": 30.0, "air": 20.0}]
     small = reduced(whole, sets)
     assert small.size < 100

@@ -171,14 +171,14 @@ def machine_laws(physics: Physics = "everything") -> Laws:
     return Laws(heat=tuple(_heat(softening)), films=_films(moving=physics != "linear"))
 
 
-def parts_beside() -> tuple[heat_system.Network, tuple[heat_system.Contact, ...]]:
+def parts_beside() -> tuple[heat_system.Network, tuple[tuple[str, str, float], ...]]:
     """Hydraulic unit and coolant tank as a network, and the contact of the hydraulic line with the headstock."""
     network = heat_system.Network(
         {"hydraulic unit": 22e3, "coolant tank": 400e3},
         area_m2={"hydraulic unit": {"hydraulic unit": 0.75}, "coolant tank": {"coolant tank": 1.0}},
         shares={"hydraulic pump": {"hydraulic unit": 1.0}},
     )
-    return network, (heat_system.Contact("hydraulic line", "hydraulic unit", 3.0),)
+    return network, (("hydraulic line", "hydraulic unit", 3.0),)
 
 
 def _heat(softening_per_k: float) -> Iterator[HeatLaw]:

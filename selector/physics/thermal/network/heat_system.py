@@ -219,30 +219,18 @@ class HeatSystem:
         return int(self.capacity.shape[0])
 
 
-@dataclass(frozen=True)
-class Contact:
-    """A contact between the surface of a field and a node: heat flows at `conductance_w_per_k` [W/K].
-
-    `source` names the surface by the heat source that acts on it: a contact spreads its heat as that source does.
-    """
-
-    source: str
-    node: str
-    conductance_w_per_k: float
-
-
-def joined(body: HeatSystem, parts: HeatSystem, contacts: Sequence[Contact]) -> HeatSystem:
+def joined(body: HeatSystem, parts: HeatSystem, contacts: Sequence[tuple[str, str, float]]) -> HeatSystem:
     """One system of both: first the states of `body`, then those of `parts`; sparse.
 
-    Every point of the surface conducts to the node: K gains G·diag(b), −G·b and G, where b is the source's share at
-    the states (never negative). A film or a displacement that both have is the sum of both; sources and probes have
-    names of their own.
+    A contact is (surface of `body`, node of `parts`, conductance G [W/K]); the surface is called as the heat source
+    that acts on it. Every point of it conducts to the node: K gains G·diag(b), −G·b and G, where b is the source's
+    share at the states (never negative). A film or a displacement that both have is the sum of both; sources and probes
+    have names of their own.
     """
     n, m = body.size, parts.size
     diagonal, between, ends = np.zeros(n), np.zeros((n, m)), np.zeros(m)
-    for contact in contacts:
-        conductance, share = contact.conductance_w_per_k, body.sources[contact.source]
-        node = parts.states.index(contact.node)
+    for source, name, conductance in contacts:
+        share, node = body.sources[source], parts.states.index(name)
         diagonal += conductance * share
         between[:, node] -= conductance * share
         ends[node] += conductance * share.sum()
@@ -250,34 +238,27 @@ def joined(body: HeatSystem, parts: HeatSystem, contacts: Sequence[Contact]) -> 
     joints = sparse.block_array(
         [[sparse.diags_array(diagonal), link], [link.T, sparse.diags_array(ends)]], format="csr"
     )
-    films = [*body.films, *(name for name in parts.films if name not in body.films)]
     empty, bare = sparse.csr_array((n, n)), sparse.csr_array((m, m))
+
+    def rows(one: Mapping[str, Vector], other: Mapping[str, Vector]) -> dict[str, Vector]:
+        names = dict.fromkeys([*one, *other])
+        return {name: np.r_[one.get(name, np.zeros(n)), other.get(name, np.zeros(m))] for name in names}
+
+    films = {name: (body.films.get(name, empty), parts.films.get(name, bare)) for name in {**body.films, **parts.films}}
     return HeatSystem(
         capacity=_beside(body.capacity, parts.capacity),
         conduction=_beside(body.conduction, parts.conduction) + joints,
-        films={name: _beside(body.films.get(name, empty), parts.films.get(name, bare)) for name in films},
-        film_loads={name: _both(body.film_loads.get(name), parts.film_loads.get(name), n, m) for name in films},
-        sources=_apart(body.sources, parts.sources, n, m),
-        probes=_apart(body.probes, parts.probes, n, m),
-        displacements={
-            name: _both(body.displacements.get(name), parts.displacements.get(name), n, m)
-            for name in dict.fromkeys([*body.displacements, *parts.displacements])
-        },
+        films={name: _beside(*both) for name, both in films.items()},
+        film_loads=rows(body.film_loads, parts.film_loads),
+        sources=rows(body.sources, parts.sources),
+        probes=rows(body.probes, parts.probes),
+        displacements=rows(body.displacements, parts.displacements),
         uniform=np.r_[body.uniform, parts.uniform],
     )
 
 
 def _beside(one: SystemMatrix, other: SystemMatrix) -> sparse.csr_array:
     return sparse.csr_array(sparse.block_diag([one, other]))
-
-
-def _both(one: Vector | None, other: Vector | None, n: int, m: int) -> Vector:
-    return np.concatenate([np.zeros(n) if one is None else one, np.zeros(m) if other is None else other])
-
-
-def _apart(one: Mapping[str, Vector], other: Mapping[str, Vector], n: int, m: int) -> dict[str, Vector]:
-    of_body = {name: _both(row, None, n, m) for name, row in one.items()}
-    return of_body | {name: _both(None, row, n, m) for name, row in other.items()}
 
 
 def time_constants_s(system: HeatSystem, film_w_per_m2_k: Mapping[str, float]) -> Vector:
