@@ -11,36 +11,13 @@ from typing import Literal
 import numpy as np
 
 from selector.errors import ModelFileError
+from selector.physics import model_text
 from selector.physics.checks import errors_name, require_within
+from selector.physics.drive import model_schema as schema
 from selector.physics.drive.ball_bar.circle import Circle, TableBall
-from selector.physics.drive.model_schema import (
-    KINDS,
-    MOST_ACTING,
-    MOST_POSITION_M,
-    MOST_STEPS,
-    CircleMotion,
-    ColumnMotion,
-    DriveFile,
-    FileAxis,
-    Force,
-    MovesMotion,
-    SineMotion,
-    axis_contradictions,
-    file_axis,
-    is_rotary,
-)
 from selector.physics.drive.parts.axis import RigidMechanics
 from selector.physics.drive.trajectory import Reference, move_phases, moves, recorded, sine
 from selector.physics.model_fields import Fit, Number, numbers_of, refusals
-from selector.physics.model_text import (
-    MOST_SAMPLES,
-    Column,
-    Contradiction,
-    Key,
-    ModelFamily,
-    bound_contradictions,
-    unknown_name,
-)
 from selector.physics.simulation_kind import Columns
 from selector.types import Vector
 
@@ -51,28 +28,28 @@ _MM = 1e-3
 _MM_PER_MIN = 1e-3 / 60.0
 
 
-def moved_axes(file: DriveFile) -> tuple[str, ...]:
+def moved_axes(file: schema.DriveFile) -> tuple[str, ...]:
     """Names of the axes that the motion moves; others that the file may describe are not simulated."""
     motion = file.motion
-    return motion.axes if isinstance(motion, CircleMotion) else (motion.axis or next(iter(file.axes)),)
+    return motion.axes if isinstance(motion, schema.CircleMotion) else (motion.axis or next(iter(file.axes)),)
 
 
-def file_reference(file: DriveFile, columns: Columns) -> Reference:
+def file_reference(file: schema.DriveFile, columns: Columns) -> Reference:
     """What the one axis of a sine, of moves or of a column is asked to do.
 
     Raises InputError: the column is no course, or the moves have no length. Raises ModelFileError: the course of the
     column has more than `MOST_SAMPLES` samples.
     """
     motion = file.motion
-    if isinstance(motion, CircleMotion):
+    if isinstance(motion, schema.CircleMotion):
         raise ValueError("a circle has references of its own, see ball_bar")
-    if isinstance(motion, ColumnMotion):
-        time_s, position_m = _column(columns, "motion", motion, MOST_POSITION_M, "m")
+    if isinstance(motion, schema.ColumnMotion):
+        time_s, position_m = _column(columns, "motion", motion, schema.MOST_POSITION_M, "m")
         count = (time_s[-1] - time_s[0]) / (file.run.period_s or PERIOD_S) if len(time_s) else 0.0
-        if count > MOST_SAMPLES:
+        if count > model_text.MOST_SAMPLES:
             raise ModelFileError(
                 f"{count:.3g} samples",
-                expected=f"at most {MOST_SAMPLES}",
+                expected=f"at most {model_text.MOST_SAMPLES}",
                 where="key run.period_s",
                 advice="make it larger, or the recording of the column shorter",
             )
@@ -84,10 +61,10 @@ def file_reference(file: DriveFile, columns: Columns) -> Reference:
     return found if force is None else replace(found, force_n=force)
 
 
-def planned_reference(file: DriveFile) -> Reference:
+def planned_reference(file: schema.DriveFile) -> Reference:
     """What a sine or moves ask for, without forces. InputError: the moves have no length."""
     motion, period_s = file.motion, file.run.period_s or PERIOD_S
-    if isinstance(motion, SineMotion):
+    if isinstance(motion, schema.SineMotion):
         return sine(
             motion.amplitude_mm * _MM,
             motion.frequency_hz,
@@ -96,7 +73,7 @@ def planned_reference(file: DriveFile) -> Reference:
             phase_rad=math.radians(motion.phase_deg),
             offset_m=motion.centre_mm * _MM,
         )
-    if isinstance(motion, MovesMotion):
+    if isinstance(motion, schema.MovesMotion):
         return moves(
             [target * _MM for target in motion.targets_mm],
             period_s,
@@ -108,13 +85,13 @@ def planned_reference(file: DriveFile) -> Reference:
     raise ValueError("only a sine and moves are planned")
 
 
-def file_circles(file: DriveFile) -> tuple[Circle, ...]:
+def file_circles(file: schema.DriveFile) -> tuple[Circle, ...]:
     """The circles of a ball-bar test: counter-clockwise and clockwise, feed after feed.
 
     InputError: a value cannot be; `where` is its field.
     """
     motion = file.motion
-    if not isinstance(motion, CircleMotion):
+    if not isinstance(motion, schema.CircleMotion):
         raise ValueError("only circles make a ball-bar test")
     ball, table_ball = motion.table_ball, None
     if ball is not None:
@@ -129,31 +106,31 @@ def file_circles(file: DriveFile) -> tuple[Circle, ...]:
     )
 
 
-def longest_s(file: DriveFile) -> float:
+def longest_s(file: schema.DriveFile) -> float:
     """Duration of the longest run of one axis [s]; of a column 0, which is not known before it is read."""
     motion = file.motion
-    if isinstance(motion, CircleMotion):
+    if isinstance(motion, schema.CircleMotion):
         return max(circle.duration_s for circle in file_circles(file))
-    if isinstance(motion, SineMotion):
+    if isinstance(motion, schema.SineMotion):
         return motion.duration_s
-    if not isinstance(motion, MovesMotion):
+    if not isinstance(motion, schema.MovesMotion):
         return 0.0
     once, again = (_cycle_s(motion, start) for start in (motion.start_mm, motion.targets_mm[-1]))
     return once + (motion.repeat - 1) * again
 
 
-def motion_counts(file: DriveFile) -> Iterator[tuple[Key, str, float, int]]:
+def motion_counts(file: schema.DriveFile) -> Iterator[tuple[model_text.Key, str, float, int]]:
     """(key, what is counted, how many there are, how many there may be) of whatever makes a run long."""
     motion, duration_s = file.motion, longest_s(file)
-    if isinstance(motion, MovesMotion):
+    if isinstance(motion, schema.MovesMotion):
         yield ("motion", "repeat"), "moves", motion.repeat * len(motion.targets_mm), MOST_MOVES
-    if file.run.period_s is not None or not isinstance(motion, CircleMotion):
-        yield ("run", "period_s"), "samples", duration_s / (file.run.period_s or PERIOD_S), MOST_SAMPLES
+    if file.run.period_s is not None or not isinstance(motion, schema.CircleMotion):
+        yield ("run", "period_s"), "samples", duration_s / (file.run.period_s or PERIOD_S), model_text.MOST_SAMPLES
     if file.run.step_s is not None:
-        yield ("run", "step_s"), "steps", duration_s / file.run.step_s, MOST_STEPS
+        yield ("run", "step_s"), "steps", duration_s / file.run.step_s, schema.MOST_STEPS
 
 
-def _limits(motion: MovesMotion) -> dict[str, float]:
+def _limits(motion: schema.MovesMotion) -> dict[str, float]:
     return {
         "speed_m_per_s": motion.feed_mm_per_min * _MM_PER_MIN,
         "acceleration_m_per_s2": motion.acceleration_m_per_s2,
@@ -161,7 +138,7 @@ def _limits(motion: MovesMotion) -> dict[str, float]:
     }
 
 
-def _cycle_s(motion: MovesMotion, start_mm: float) -> float:
+def _cycle_s(motion: schema.MovesMotion, start_mm: float) -> float:
     """Duration of the moves to all targets [s], without making them."""
     phases = (
         move_phases((target - origin) * _MM, **_limits(motion))
@@ -170,11 +147,13 @@ def _cycle_s(motion: MovesMotion, start_mm: float) -> float:
     return sum(one.duration_s + motion.dwell_s for one in phases)
 
 
-def _place(key: str, said: Column | ColumnMotion) -> str:
+def _place(key: str, said: model_text.Column | schema.ColumnMotion) -> str:
     return f"key {key}, column {said.column!r} of {said.file}"
 
 
-def _column(columns: Columns, key: str, said: Column | ColumnMotion, most: float, unit: str) -> tuple[Vector, Vector]:
+def _column(
+    columns: Columns, key: str, said: model_text.Column | schema.ColumnMotion, most: float, unit: str
+) -> tuple[Vector, Vector]:
     """Times and values of a column of a recording beside the file, none beyond `most`."""
     time_s, values = columns[key]
     with errors_name(_place(key, said)):
@@ -182,10 +161,10 @@ def _column(columns: Columns, key: str, said: Column | ColumnMotion, most: float
     return time_s, values
 
 
-def _force(force: Force, time_s: Vector, columns: Columns) -> Vector | None:
+def _force(force: schema.Force, time_s: Vector, columns: Columns) -> Vector | None:
     """Force from outside at these times [N]; each value held until the next, the first also before it."""
-    if isinstance(force, Column):
-        at_s, values = _column(columns, "motion.force_n", force, MOST_ACTING, "N")
+    if isinstance(force, model_text.Column):
+        at_s, values = _column(columns, "motion.force_n", force, schema.MOST_ACTING, "N")
         at_s = at_s - at_s[0]
     elif isinstance(force, tuple):
         at_s, values = (np.array(row, dtype=np.float64) for row in zip(*force, strict=True))
@@ -198,30 +177,30 @@ def _force(force: Force, time_s: Vector, columns: Columns) -> Vector | None:
     return np.asarray(values[np.maximum(held, 0)], dtype=np.float64)
 
 
-def columns_needed(file: DriveFile) -> dict[str, Column | ColumnMotion]:
+def columns_needed(file: schema.DriveFile) -> dict[str, model_text.Column | schema.ColumnMotion]:
     """Key of the file → column of a recording beside it that its values are read from, in the unit of its role."""
-    found: dict[str, Column | ColumnMotion] = {}
-    if isinstance(file.motion, CircleMotion):
+    found: dict[str, model_text.Column | schema.ColumnMotion] = {}
+    if isinstance(file.motion, schema.CircleMotion):
         return found
-    if isinstance(file.motion, ColumnMotion):
+    if isinstance(file.motion, schema.ColumnMotion):
         found["motion"] = file.motion
-    if isinstance(file.motion.force_n, Column):
+    if isinstance(file.motion.force_n, model_text.Column):
         found["motion.force_n"] = file.motion.force_n
     return found
 
 
-def contradictions(file: DriveFile) -> Iterator[Contradiction]:
+def contradictions(file: schema.DriveFile) -> Iterator[model_text.Contradiction]:
     """(key, found, expected, advice) of whatever does not fit together in a file whose values are valid one by one."""
     for name, section in file.axes.items():
-        yield from axis_contradictions(name, section)
+        yield from schema.axis_contradictions(name, section)
     yield from _of_motion(file)
-    yield from bound_contradictions(file.bounds)
+    yield from model_text.bound_contradictions(file.bounds)
     yield from _of_length(file)
 
 
-def _of_motion(file: DriveFile) -> Iterator[Contradiction]:
+def _of_motion(file: schema.DriveFile) -> Iterator[model_text.Contradiction]:
     motion, known = file.motion, list(file.axes)
-    if isinstance(motion, CircleMotion):
+    if isinstance(motion, schema.CircleMotion):
         yield from _of_circle(file, motion)
         return
     if file.ball_bar is not None:
@@ -230,11 +209,11 @@ def _of_motion(file: DriveFile) -> Iterator[Contradiction]:
         advice = f'add axis = "{known[0]}"'
         yield ("motion", "axis"), f"{len(known)} axes ({', '.join(known)})", "the one that moves", advice
     elif motion.axis is not None and motion.axis not in file.axes:
-        yield ("motion", "axis"), *unknown_name("axis", motion.axis, known)
-    elif is_rotary(file.axes[moved_axes(file)[0]]):
+        yield ("motion", "axis"), *model_text.unknown_name("axis", motion.axis, known)
+    elif schema.is_rotary(file.axes[moved_axes(file)[0]]):
         advice = "rotary axes take part in circles only"
         yield ("motion", "axis"), f"{moved_axes(file)[0]!r}, which turns", "an axis that slides", advice
-    if isinstance(motion, SineMotion) and motion.frequency_hz * (file.run.period_s or PERIOD_S) >= 0.5:
+    if isinstance(motion, schema.SineMotion) and motion.frequency_hz * (file.run.period_s or PERIOD_S) >= 0.5:
         found = f"{motion.frequency_hz:g} Hz, sampled every {file.run.period_s or PERIOD_S:g} s"
         advice = "lower the frequency, or make run.period_s smaller"
         yield ("motion", "frequency_hz"), found, "more than two samples in a period", advice
@@ -245,16 +224,16 @@ def _of_motion(file: DriveFile) -> Iterator[Contradiction]:
             yield ("motion", "force_n"), f"steps at {starts[:6]} s", "times that begin with 0 and increase", advice
 
 
-def _of_circle(file: DriveFile, motion: CircleMotion) -> Iterator[Contradiction]:
+def _of_circle(file: schema.DriveFile, motion: schema.CircleMotion) -> Iterator[model_text.Contradiction]:
     known = list(file.axes)
     for number, name in enumerate(motion.axes):
         if name not in file.axes:
-            yield ("motion", "axes", number), *unknown_name("axis", name, known)
+            yield ("motion", "axes", number), *model_text.unknown_name("axis", name, known)
             return
     if len(set(motion.axes)) < len(motion.axes):
         yield ("motion", "axes"), f"{', '.join(motion.axes)}", "an axis once", "name two different linear axes"
     for number, name in enumerate(motion.axes):
-        turns = is_rotary(file.axes[name])
+        turns = schema.is_rotary(file.axes[name])
         if turns != (number == 2):
             found = f"{name!r}, which {'turns' if turns else 'slides'}"
             expected = "a rotary axis in the third place, linear ones before it"
@@ -266,17 +245,17 @@ def _of_circle(file: DriveFile, motion: CircleMotion) -> Iterator[Contradiction]
         yield ("motion", "table_ball"), "a ball on no rotary axis", "three axes", "name the rotary axis in motion.axes"
 
 
-def _of_few_samples(file: DriveFile) -> Iterator[Contradiction]:
+def _of_few_samples(file: schema.DriveFile) -> Iterator[model_text.Contradiction]:
     """A period that is as long as the motion, whose length is known before it is made."""
     motion, duration_s, period_s = file.motion, longest_s(file), file.run.period_s or PERIOD_S
-    if isinstance(motion, SineMotion | MovesMotion) and 0.0 < duration_s < FEWEST_PERIODS * period_s:
+    if isinstance(motion, schema.SineMotion | schema.MovesMotion) and 0.0 < duration_s < FEWEST_PERIODS * period_s:
         key = ("run", "period_s") if file.run.period_s is not None else ("motion",)
         found = f"a period of {period_s:.6g} s in a motion of {duration_s:.6g} s"
         expected = f"a motion of at least {FEWEST_PERIODS} periods"
         yield key, found, expected, "make run.period_s shorter, or the motion longer (a sine: motion.duration_s)"
 
 
-def _of_length(file: DriveFile) -> Iterator[Contradiction]:
+def _of_length(file: schema.DriveFile) -> Iterator[model_text.Contradiction]:
     """Runs that are too long to be held or to be waited for, and motions that are none."""
     yield from _of_few_samples(file)
     for key, what, count, most in motion_counts(file):
@@ -285,8 +264,8 @@ def _of_length(file: DriveFile) -> Iterator[Contradiction]:
             advice = "correct it, or make the motion shorter; feeds are in mm/min"
             yield key, f"{count:.3g} {what}{long}", f"at most {most}", advice
             return
-    if not isinstance(file.motion, ColumnMotion):
-        planned = file_circles if isinstance(file.motion, CircleMotion) else planned_reference
+    if not isinstance(file.motion, schema.ColumnMotion):
+        planned = file_circles if isinstance(file.motion, schema.CircleMotion) else planned_reference
         yield from refusals(partial(planned, file), ("motion",), file.motion)
 
 
@@ -300,21 +279,21 @@ _OF_CRITICAL = 0.2
 _DRY = ("coulomb_n", "coulomb_negative_n", "static_n", "static_negative_n")
 
 
-def numbers(file: DriveFile) -> Iterator[Number]:
+def numbers(file: schema.DriveFile) -> Iterator[Number]:
     """The physics of a feed drive as named numbers, those that are switched off included: friction, backlash, delay.
 
     Their names and bounds: docs/reference/drive-model.md, ``[bounds]``. A key that follows another one while it is left
     out (`static_n`, `coulomb_negative_n`) has that value.
     """
     for name, section in file.axes.items():
-        made = file_axis(section)
+        made = schema.file_axis(section)
         for one in _of_axis(made):
             if _has_effect(one.path, made):
                 low, high = _bounds(one, made)
                 yield Number(("axes", name, *one.path), one.value, low, high, _unit(one, made))
 
 
-def _of_axis(made: FileAxis) -> Iterator[Number]:
+def _of_axis(made: schema.FileAxis) -> Iterator[Number]:
     """Every number, its path below the axis."""
     axis, friction = made.axis, made.axis.friction
     if made.parts is None:
@@ -331,7 +310,7 @@ def _of_axis(made: FileAxis) -> Iterator[Number]:
         yield from numbers_of(axis.servo, ("servo",))
 
 
-def _has_effect(path: Key, made: FileAxis) -> bool:
+def _has_effect(path: model_text.Key, made: schema.FileAxis) -> bool:
     section, key = path[0], path[-1]
     if isinstance(made.axis.mechanics, RigidMechanics) and key in ("backlash_m", "screw_coulomb_nm", "nut_efficiency"):
         return False
@@ -343,7 +322,7 @@ def _has_effect(path: Key, made: FileAxis) -> bool:
     return not from_motor or key in made.section.servo.model_fields_set
 
 
-def _bounds(one: Number, made: FileAxis) -> tuple[float, float]:
+def _bounds(one: Number, made: schema.FileAxis) -> tuple[float, float]:
     """Those of the field; of forces and damping, which may be 0 or have either sign, by the mass of the axis."""
     limit = _limit_from_mass(one.path, made)
     if limit is not None:
@@ -356,7 +335,7 @@ def _bounds(one: Number, made: FileAxis) -> tuple[float, float]:
     return (one.low, one.high) if one.high > one.low else (0.0, 1.0)
 
 
-def _unit(one: Number, made: FileAxis) -> str:
+def _unit(one: Number, made: schema.FileAxis) -> str:
     """The unit of a number; of gains, limits and cogging by what turns and what acts.
 
     ``A·s/rad`` of the velocity gain of a motor that turns and is given a current; ``V·s/m`` of one mass and a voltage.
@@ -375,7 +354,7 @@ def _unit(one: Number, made: FileAxis) -> str:
     return by_axis.get(str(one.path[-1])) or (_TURNING.get(one.unit, one.unit) if made.rotary else one.unit)
 
 
-def _limit_from_mass(path: Key, made: FileAxis) -> float | None:
+def _limit_from_mass(path: model_text.Key, made: schema.FileAxis) -> float | None:
     """How far a force, torque, damping or integral gain that may be 0 may go up."""
     key, mechanics = str(path[-1]), made.axis.mechanics
     mass = mechanics.mass_kg if isinstance(mechanics, RigidMechanics) else mechanics.table_mass_kg
@@ -404,8 +383,8 @@ def _limit_from_mass(path: Key, made: FileAxis) -> float | None:
     return None
 
 
-FAMILY: ModelFamily[DriveFile] = ModelFamily(
-    "drive", KINDS, contradictions, page="docs/reference/drive-model.md", examples="fixtures/drive",
+FAMILY: model_text.ModelFamily[schema.DriveFile] = model_text.ModelFamily(
+    "drive", schema.KINDS, contradictions, page="docs/reference/drive-model.md", examples="fixtures/drive",
     columns_needed=columns_needed, numbers=numbers,
     column_roles={"motion": "position_command", "motion.force_n": "force"},
 )  # fmt: skip

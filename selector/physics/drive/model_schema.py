@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args, 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
 
 from selector.physics.drive.ball_bar.circle import PairGeometry
+from selector.physics.drive.parts import catalogue
 from selector.physics.drive.parts import stiffness as stiffnesses
 from selector.physics.drive.parts.axis import (
     MOST_WAITING,
@@ -22,17 +23,6 @@ from selector.physics.drive.parts.axis import (
     Servo,
     ThreeMassMechanics,
     Transmission,
-)
-from selector.physics.drive.parts.catalogue import (
-    Bearings,
-    Coupling,
-    Guide,
-    Motor,
-    Nut,
-    Parts,
-    Screw,
-    Table,
-    thc6350_x_axis,
 )
 from selector.physics.drive.trajectory import ParameterCourse, Reference
 from selector.physics.model_fields import SectionOf, Unit, Usual, entry_of, given, refusals, value_of
@@ -190,13 +180,13 @@ class PartsSection(Entry):
     """``[axes.NAME.parts]``: what the axis is built from, all of it said here, or where it differs from `like`."""
 
     like: Literal["thc6350-x"] | None = None
-    motor: SectionOf[Motor] = SectionOf[Motor].model_construct()
-    coupling: SectionOf[Coupling] = SectionOf[Coupling].model_construct()
-    screw: SectionOf[Screw] = SectionOf[Screw].model_construct()
-    nut: SectionOf[Nut] = SectionOf[Nut].model_construct()
-    bearings: SectionOf[Bearings] = SectionOf[Bearings].model_construct()
-    guide: SectionOf[Guide] = SectionOf[Guide].model_construct()
-    table: SectionOf[Table] = SectionOf[Table].model_construct()
+    motor: SectionOf[catalogue.Motor] = SectionOf[catalogue.Motor].model_construct()
+    coupling: SectionOf[catalogue.Coupling] = SectionOf[catalogue.Coupling].model_construct()
+    screw: SectionOf[catalogue.Screw] = SectionOf[catalogue.Screw].model_construct()
+    nut: SectionOf[catalogue.Nut] = SectionOf[catalogue.Nut].model_construct()
+    bearings: SectionOf[catalogue.Bearings] = SectionOf[catalogue.Bearings].model_construct()
+    guide: SectionOf[catalogue.Guide] = SectionOf[catalogue.Guide].model_construct()
+    table: SectionOf[catalogue.Table] = SectionOf[catalogue.Table].model_construct()
 
 
 def _short_for(key: str) -> BeforeValidator:
@@ -262,30 +252,30 @@ class DriveFile(Entry):
 
 KINDS: Mapping[str, type[DriveFile]] = {"drive": DriveFile}
 
-LIKE = {"thc6350-x": thc6350_x_axis}  #: `like` of the file → parts that are known by a name.
+LIKE = {"thc6350-x": catalogue.thc6350_x_axis}  #: `like` of the file → parts that are known by a name.
 
 #: Part → keys that no catalogue prints → what switches them off; left out without `like` they are that.
 OFF: Mapping[Any, Mapping[str, float]] = {
-    Screw: {"damping_nms_per_rad": 0.0},
-    Nut: {"efficiency": 1.0},
-    Bearings: {"rigidity_share": 1.0},
-    Guide: {"viscous_ns_per_m": 0.0},
+    catalogue.Screw: {"damping_nms_per_rad": 0.0},
+    catalogue.Nut: {"efficiency": 1.0},
+    catalogue.Bearings: {"rigidity_share": 1.0},
+    catalogue.Guide: {"viscous_ns_per_m": 0.0},
 }
 
 _OF_HERTZ = frozenset({"ball_diameter_mm", "pitch_circle_mm", "contact_angle_deg", "conformity"})
 
 #: Part → key → keys that count for nothing where it is said, and are not asked for.
 INSTEAD: Mapping[Any, Mapping[str, frozenset[str]]] = {
-    Coupling: {"stiffness_nm_per_rad": frozenset({"diameter_mm", "length_mm", "shear_modulus_gpa"})},
-    Screw: {"inertia_kg_m2": frozenset({"density_kg_per_m3"})},
-    Nut: {"rigidity_n_per_um": _OF_HERTZ | {"turns"}},
-    Bearings: {"rigidity_n_per_um": _OF_HERTZ | {"balls", "per_direction"}},
+    catalogue.Coupling: {"stiffness_nm_per_rad": frozenset({"diameter_mm", "length_mm", "shear_modulus_gpa"})},
+    catalogue.Screw: {"inertia_kg_m2": frozenset({"density_kg_per_m3"})},
+    catalogue.Nut: {"rigidity_n_per_um": _OF_HERTZ | {"turns"}},
+    catalogue.Bearings: {"rigidity_n_per_um": _OF_HERTZ | {"balls", "per_direction"}},
 }
 
-_KINDS: dict[str, Any] = get_type_hints(Parts)
+_KINDS: dict[str, Any] = get_type_hints(catalogue.Parts)
 
 
-def parts_of(section: PartsSection) -> Parts:
+def parts_of(section: PartsSection) -> catalogue.Parts:
     """The parts: those of `like` with what is said here, or all of them said here.
 
     Keys that are left out without `like` are off: 0, or none. Those that another key takes the place of have the
@@ -293,7 +283,7 @@ def parts_of(section: PartsSection) -> Parts:
 
     InputError: a value cannot be; `where` is its field.
     """
-    return Parts(**{name: _part(section, name) for name in _KINDS})
+    return catalogue.Parts(**{name: _part(section, name) for name in _KINDS})
 
 
 def parts_contradictions(at: Key, section: PartsSection) -> Iterator[Contradiction]:
@@ -353,7 +343,7 @@ class FileAxis:
     """An axis of a model file."""
 
     axis: Axis  #: Its values
-    parts: Parts | None  #: What it is built from, where the file says so
+    parts: catalogue.Parts | None  #: What it is built from, where the file says so
     section: AxisSection  #: Its section of the file
 
     @property
@@ -407,7 +397,7 @@ def axis_contradictions(name: str, section: AxisSection) -> Iterator[Contradicti
     yield from wrong or _misfits(at, section)
 
 
-def _mechanics(section: AxisSection, parts: Parts | None) -> Mechanics:
+def _mechanics(section: AxisSection, parts: catalogue.Parts | None) -> Mechanics:
     if parts is not None:
         return stiffnesses.three_mass_mechanics(parts)
     if section.mechanics is None:

@@ -10,15 +10,7 @@ from numpy.typing import ArrayLike
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
-from selector.physics.drive.closed_loop import (
-    growing_poles,
-    loop_poles,
-    loop_response,
-    nyquist_rad_per_s,
-    plant,
-    servo_of,
-    small_signal_mechanics,
-)
+from selector.physics.drive import closed_loop
 from selector.physics.drive.finding_table import FINDINGS
 from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.trajectory import COURSES, ParameterCourse
@@ -64,7 +56,7 @@ def gain_crossings(axis: Axis, gain: str, poles: Complex) -> tuple[Crossing, ...
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     found = list(zip(np.sqrt(low * high), np.where(before < 0, 2, -2), strict=True))
     # at half the sample rate L is real; turned by a right angle up to there it is 0, which no factor brings to the edge
-    if np.isfinite(edge := nyquist_rad_per_s(axis)) and len(sine) and abs(sine[-1]) < _RIGHT_ANGLE:
+    if np.isfinite(edge := closed_loop.nyquist_rad_per_s(axis)) and len(sine) and abs(sine[-1]) < _RIGHT_ANGLE:
         found.append((edge, 1 if sine[-1] < 0 else -1))
     crossings = []
     for frequency, grow in found:
@@ -103,7 +95,7 @@ def _distance(ends: tuple[float | None, float | None]) -> float:
 
 def _loop_of_gain(axis: Axis, gain: str, rad_per_s: Vector) -> tuple[Complex, Complex]:
     """Numerator and denominator of L, which 1 + k·L = 0 is about."""
-    servo, found = servo_of(axis), loop_response(axis, rad_per_s)
+    servo, found = closed_loop.servo_of(axis), closed_loop.loop_response(axis, rad_per_s)
     integral = servo.velocity_integral_gain * found.integral
     position = servo.position_gain_per_s / axis.mechanics.travel_per_motion * found.measured
     if gain == "position_gain_per_s":
@@ -123,8 +115,8 @@ def _sine(numerator: Complex, denominator: Complex) -> Vector:
 
 def _frequencies(axis: Axis, poles: Complex) -> Vector:
     """Frequencies between which no phase turns unseen: decades, turns of the delay, and both sides of resonances."""
-    servo, edge = servo_of(axis), nyquist_rad_per_s(axis)
-    own = plant(small_signal_mechanics(axis)).poles
+    servo, edge = closed_loop.servo_of(axis), closed_loop.nyquist_rad_per_s(axis)
+    own = closed_loop.plant(closed_loop.small_signal_mechanics(axis)).poles
     corners = np.abs(np.concatenate([poles, own]))
     corners = np.append(corners, [servo.position_gain_per_s, servo.velocity_integral_gain / servo.velocity_gain])
     corners = corners[corners > 1e-15 * corners.max()]
@@ -163,7 +155,7 @@ def frequency_response(axis: Axis, frequency_hz: ArrayLike) -> Complex:
     feed-forward, the reference's derivatives are part of it.
     """
     rad_per_s = 2.0 * math.pi * np.asarray(frequency_hz, dtype=np.float64)
-    return loop_response(axis, rad_per_s).reference_to_table(axis)
+    return closed_loop.loop_response(axis, rad_per_s).reference_to_table(axis)
 
 
 def loop_figures(axis: Axis) -> LoopFigures:
@@ -173,14 +165,14 @@ def loop_figures(axis: Axis) -> LoopFigures:
     """
     import control
 
-    poles = loop_poles(axis)
-    if len(growing_poles(poles)):
+    poles = closed_loop.loop_poles(axis)
+    if len(closed_loop.growing_poles(poles)):
         return LoopFigures(*[math.nan] * 5)
     frequency_hz = _frequencies_hz(axis, poles)
     peak, peak_hz, bandwidth_hz = _resonance(axis, frequency_hz)
     # from the response itself: crossings of polynomials are too inexact in z, and where numbers are far apart
     rad = 2.0 * math.pi * frequency_hz
-    response = loop_response(axis, rad).opened_position_loop(axis)
+    response = closed_loop.loop_response(axis, rad).opened_position_loop(axis)
     near = _near_crossover(response)
     opened = control.frd(response[near], rad[near], smooth=True)
     phase_deg = float(control.stability_margins(opened)[1])
@@ -247,7 +239,7 @@ def _resonance(axis: Axis, frequency_hz: Array) -> tuple[float, float, float]:
 def _frequencies_hz(axis: Axis, poles: Complex) -> Array:
     """Frequencies that miss nothing: 4000 over all that the poles ask for, and those of the poles."""
     size = np.abs(poles)
-    highest_hz = min(20.0 * float(size.max()), nyquist_rad_per_s(axis)) / (2.0 * math.pi)
+    highest_hz = min(20.0 * float(size.max()), closed_loop.nyquist_rad_per_s(axis)) / (2.0 * math.pi)
     lowest_hz = 1e-3 * float(size[size > 0].min()) / (2.0 * math.pi)
     near = np.abs(poles.imag) / (2.0 * math.pi)
     frequency_hz = np.unique(np.concatenate([np.geomspace(lowest_hz, highest_hz, 4000), near[near > lowest_hz]]))
@@ -285,13 +277,13 @@ def stability(axis: Axis) -> Stability:
 
     InputError if the axis has no servo.
     """
-    poles = loop_poles(axis)
-    growing = len(growing_poles(poles))
+    poles = closed_loop.loop_poles(axis)
+    growing = len(closed_loop.growing_poles(poles))
     margin = -float(poles.real.max())
     ranges = {
         name: stable_factors(gain_crossings(axis, name, poles), growing)
         for name in GAINS
-        if getattr(servo_of(axis), name) > 0
+        if getattr(closed_loop.servo_of(axis), name) > 0
     }
     return Stability(
         poles=poles,
@@ -319,7 +311,7 @@ def stability_findings(axis: Axis, where: str, at: str = "") -> Iterator[Finding
         "gain_floors": dict(found.gain_floors),
     }
     if not found.stable:
-        growing = [pole for pole in growing_poles(found.poles) if pole.imag >= 0]
+        growing = [pole for pole in closed_loop.growing_poles(found.poles) if pole.imag >= 0]
         told = [_pole_in_words(pole, axis.servo.sample_s) for pole in growing[:_MOST_POLES]]
         if len(growing) > _MOST_POLES:
             told.append(f"{len(growing) - _MOST_POLES} more")
@@ -361,11 +353,13 @@ def _remedy(axis: Axis, found: Stability) -> str:
     """What makes an unstable loop stable: one gain if that does, else less delay or a slower loop."""
     if any(high != 0.0 for high in found.gain_limits.values()):
         return _limits_in_words(axis, found)
-    servo, told = servo_of(axis), ["No gain alone makes it stable."]
+    servo, told = closed_loop.servo_of(axis), ["No gain alone makes it stable."]
     if servo.sample_s > 0:
         delay = f"delay_s ({_seconds(servo.delay_s)}) and " if servo.delay_s > 0 else ""
         told.append(f"Shorten {delay}sample_s ({_seconds(servo.sample_s)}) of the servo, or lower the gains together.")
-    slower = next((by for by in _SLOWER if not len(growing_poles(loop_poles(_slower(axis, by))))), None)
+    slower = next(
+        (by for by in _SLOWER if not len(closed_loop.growing_poles(closed_loop.loop_poles(_slower(axis, by))))), None
+    )
     if slower is not None:
         names = " and ".join(f"{name} {slower * getattr(servo, name):.3g}" for name in GAINS[:2])
         integral = f", {GAINS[2]} {slower**2 * servo.velocity_integral_gain:.3g}" * (servo.velocity_integral_gain > 0)
@@ -374,7 +368,7 @@ def _remedy(axis: Axis, found: Stability) -> str:
 
 
 def _slower(axis: Axis, by: float) -> Axis:
-    servo = servo_of(axis)
+    servo = closed_loop.servo_of(axis)
     gains = {name: by * getattr(servo, name) for name in GAINS[:2]}
     return replace(axis, servo=replace(servo, **gains, velocity_integral_gain=by**2 * servo.velocity_integral_gain))
 

@@ -9,24 +9,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from selector.number_text import round_below
+from selector.physics import model_text
 from selector.physics.gauging.gauged_grinding import feeds_s
 from selector.physics.gauging.process import Correction, Grinding, Noise, Stage, Surface, Tolerance
 from selector.physics.gauging.transducer import LinearGauge, Relay, Transducer, wear_share
 from selector.physics.model_fields import Fit, Number, SectionOf, Unit, given, numbers_of, refusals, value_of
-from selector.physics.model_text import (
-    MOST_SAMPLES,
-    Bounds,
-    Contradiction,
-    Entry,
-    Key,
-    ModelFamily,
-    Name,
-    Note,
-    Seed,
-    Signed,
-    bound_contradictions,
-    limited,
-)
 
 MOST_ALLOWANCE_UM = 1e6  #: In recordings: allowances and sizes [µm].
 MOST_STAGES = 20
@@ -35,39 +22,39 @@ MOST_PARTS = 1_000_000  #: Parts of one file.
 MOST_WAVEFORM_S = 10.0  #: Of it thousands of samples a second are kept.
 
 
-class ModelSection(Entry):
+class ModelSection(model_text.Entry):
     """``[model]``."""
 
     kind: Literal["gauging"]
-    name: Name
-    note: Note = ""
+    name: model_text.Name
+    note: model_text.Note = ""
 
 
-class RunSection(Entry):
+class RunSection(model_text.Entry):
     """``[run]``: how many parts, how often they are looked at, with which noise."""
 
-    period_s: Annotated[float, limited(1e-6, 10.0)] | None = None
+    period_s: Annotated[float, model_text.limited(1e-6, 10.0)] | None = None
     parts: Annotated[int, Field(strict=True, ge=1, le=MOST_PARTS)] = 1
-    waveform_s: Annotated[float, limited(0, MOST_WAVEFORM_S)] = 0.0
-    seed: Seed = 0
+    waveform_s: Annotated[float, model_text.limited(0, MOST_WAVEFORM_S)] = 0.0
+    seed: model_text.Seed = 0
 
 
-class ThresholdsSection(Entry):
+class ThresholdsSection(model_text.Entry):
     """``[thresholds]``: voltages of the relay, where they are not those of eq. 23."""
 
-    volts: Annotated[tuple[Signed, ...], Field(min_length=1, max_length=MOST_STAGES), Unit("V"), Fit()]
+    volts: Annotated[tuple[model_text.Signed, ...], Field(min_length=1, max_length=MOST_STAGES), Unit("V"), Fit()]
 
 
-class RecordedSection(Entry):
+class RecordedSection(model_text.Entry):
     """``[recorded]``: channels of a recording, where role and name do not tell."""
 
-    allowance: Name | None = None
-    feed: Name | None = None
-    gauge: Name | None = None
-    measured: Name | None = None
+    allowance: model_text.Name | None = None
+    feed: model_text.Name | None = None
+    gauge: model_text.Name | None = None
+    measured: model_text.Name | None = None
 
 
-class GaugingFile(Entry):
+class GaugingFile(model_text.Entry):
     """A gauge, the grinding that it stops, and what size is wanted."""
 
     model: ModelSection
@@ -82,7 +69,7 @@ class GaugingFile(Entry):
     thresholds: ThresholdsSection | None = None
     correction: SectionOf[Correction] | None = None
     recorded: RecordedSection = RecordedSection()
-    bounds: Bounds = Field(default_factory=dict)
+    bounds: model_text.Bounds = Field(default_factory=dict)
 
 
 KINDS: Mapping[str, type[GaugingFile]] = {"gauging": GaugingFile}
@@ -125,10 +112,10 @@ def file_parts(file: GaugingFile) -> FileParts:
     )
 
 
-def part_contradictions(file: GaugingFile) -> Iterator[Contradiction]:
+def part_contradictions(file: GaugingFile) -> Iterator[model_text.Contradiction]:
     """Whatever the values of the sections refuse, at the key of the section."""
-    stages: tuple[Entry, ...] = file.grinding.stages  # type: ignore[attr-defined]
-    kinds: list[tuple[type, Entry | None, Key]] = [
+    stages: tuple[model_text.Entry, ...] = file.grinding.stages  # type: ignore[attr-defined]
+    kinds: list[tuple[type, model_text.Entry | None, model_text.Key]] = [
         (Transducer, file.transducer, ("transducer",)),
         (LinearGauge, file.linear, ("linear",)),
         (Relay, file.relay, ("relay",)),
@@ -147,7 +134,7 @@ def part_contradictions(file: GaugingFile) -> Iterator[Contradiction]:
     yield from wrong or refusals(partial(_grinding, file.grinding), ("grinding",), file.grinding)
 
 
-def _grinding(section: Entry) -> Grinding:
+def _grinding(section: model_text.Entry) -> Grinding:
     said = given(Grinding, section)
     return Grinding(**(said | {"stages": tuple(value_of(Stage, stage) for stage in said["stages"])}))
 
@@ -186,7 +173,7 @@ def finest_s(parts: FileParts) -> float:
     return min(wanted)
 
 
-def length_contradictions(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
+def length_contradictions(file: GaugingFile, parts: FileParts) -> Iterator[model_text.Contradiction]:
     """Parts that take too many samples to be held."""
     duration_s, period_s = planned_s(parts), sampling_s(file, parts)
     key = ("run", "period_s") if file.run.period_s is not None else ("grinding", "stages")
@@ -194,12 +181,17 @@ def length_contradictions(file: GaugingFile, parts: FileParts) -> Iterator[Contr
     if samples < 2:
         found = f"a period of {period_s:g} s, and a part takes {duration_s:.3g} s"
         yield key, found, "a period that is shorter than a part", "shorten run.period_s, or leave it out"
-    elif samples > MOST_SAMPLES:
+    elif samples > model_text.MOST_SAMPLES:
         found = f"{samples:.3g} samples of a part that takes {duration_s:.3g} s"
-        yield key, found, f"at most {MOST_SAMPLES}", "lengthen run.period_s, or give the feeds the right power of ten"
+        yield (
+            key,
+            found,
+            f"at most {model_text.MOST_SAMPLES}",
+            "lengthen run.period_s, or give the feeds the right power of ten",
+        )
 
 
-def contradictions(file: GaugingFile) -> Iterator[Contradiction]:
+def contradictions(file: GaugingFile) -> Iterator[model_text.Contradiction]:
     """(key, found, expected, advice) of whatever does not fit together in a file whose values are valid one by one."""
     yield from _of_gauge(file)
     yield from part_contradictions(file)
@@ -207,11 +199,11 @@ def contradictions(file: GaugingFile) -> Iterator[Contradiction]:
     yield from _of_linear(parts)
     yield from _of_wear(file, parts)
     yield from _of_thresholds(file, parts)
-    yield from bound_contradictions(file.bounds)
+    yield from model_text.bound_contradictions(file.bounds)
     yield from length_contradictions(file, parts)
 
 
-def _of_gauge(file: GaugingFile) -> Iterator[Contradiction]:
+def _of_gauge(file: GaugingFile) -> Iterator[model_text.Contradiction]:
     one = "one gauge: [transducer] with its parts, or [linear]"
     if file.transducer is None and file.linear is None:
         advice = "add gain_v_per_um, bias_v and time_constant_s under [linear], or a transducer"
@@ -226,7 +218,7 @@ def _of_gauge(file: GaugingFile) -> Iterator[Contradiction]:
         yield ("run", "waveform_s"), found, expected, "leave it out, or describe the gauge by its parts"
 
 
-def _of_linear(parts: FileParts) -> Iterator[Contradiction]:
+def _of_linear(parts: FileParts) -> Iterator[model_text.Contradiction]:
     gauge = parts.linear
     if gauge is not None and gauge.gain_v_per_um >= 0:
         yield (
@@ -237,13 +229,13 @@ def _of_linear(parts: FileParts) -> Iterator[Contradiction]:
         )
 
 
-def _of_wear(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
+def _of_wear(file: GaugingFile, parts: FileParts) -> Iterator[model_text.Contradiction]:
     grinding = parts.grinding
     since = min(file.run.parts, grinding.dress_every or file.run.parts)
     yield from refusals(lambda: wear_share(grinding, since - 1), ("grinding",), file.grinding)
 
 
-def _of_thresholds(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
+def _of_thresholds(file: GaugingFile, parts: FileParts) -> Iterator[model_text.Contradiction]:
     stages = len(parts.grinding.stages)
     if stages > MOST_STAGES:
         yield ("grinding", "stages"), f"{stages} stages", f"at most {MOST_STAGES}", "leave stages out"
@@ -279,7 +271,7 @@ def numbers(file: GaugingFile) -> Iterator[Number]:
     yield from numbers_of(file.thresholds, ("thresholds",))
 
 
-FAMILY: ModelFamily[GaugingFile] = ModelFamily(
+FAMILY: model_text.ModelFamily[GaugingFile] = model_text.ModelFamily(
     "gauging",
     KINDS,
     contradictions,

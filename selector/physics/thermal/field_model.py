@@ -11,18 +11,10 @@ from scipy.spatial import cKDTree
 
 from selector.errors import InputError, ModelFileError, OptionError
 from selector.physics.model_text import Key, key_text, unknown_name
+from selector.physics.thermal import model_file
+from selector.physics.thermal.field import machine as machines
 from selector.physics.thermal.field.candidates import sensor_candidates, surface_candidates
 from selector.physics.thermal.field.geometry import MachineGeometry
-from selector.physics.thermal.field.machine import (
-    SENSORS,
-    Physics,
-    VirtualMachine,
-    field_system,
-    film_sets,
-    machine_laws,
-    parts_beside,
-    virtual_machining_centre,
-)
 from selector.physics.thermal.field.mesh import Point, SolidMesh, probe_row
 from selector.physics.thermal.field.mesh_file import WHOLE, NamedMesh, named_mesh, refused
 from selector.physics.thermal.field.thermoelasticity import (
@@ -33,29 +25,18 @@ from selector.physics.thermal.field.thermoelasticity import (
     rigid_motion_reading,
     rigid_motions,
 )
-from selector.physics.thermal.model_file import (
-    MOST_SENSORS,
-    FieldFile,
-    FieldFilm,
-    FieldSource,
-    MeshDisplacement,
-    MeshFile,
-    Sensor,
-    direction_of,
-    stated_laws,
-)
 from selector.physics.thermal.network.heat_system import Conditions, FilmLaw, HeatSystem, Laws, reduced_basis
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.schedule import condensed
 from selector.types import Indices, Vector
 
 
-def mesh_of(file: MeshFile) -> NamedMesh:
+def mesh_of(file: model_file.MeshFile) -> NamedMesh:
     """The mesh that a file names. Errors as `named_mesh`."""
     return named_mesh(Path(file.mesh.file), {"m": 1.0, "mm": 1e-3}[file.mesh.unit], file.mesh.order)
 
 
-def meshed(file: MeshFile, laws: Laws) -> VirtualMachine:
+def meshed(file: model_file.MeshFile, laws: Laws) -> machines.VirtualMachine:
     """The machine of a mesh; takes some ten seconds, the same one at once, whatever it goes through.
 
     Raises ModelFileError: the file does not fit the mesh, or a piece of it is not held or not cooled.
@@ -76,18 +57,18 @@ class _Asked:
     text: str
     laws: Laws
     written_ns: int
-    file: MeshFile = dataclasses.field(compare=False)
+    file: model_file.MeshFile = dataclasses.field(compare=False)
 
 
 @functools.lru_cache(maxsize=1)
-def _meshed(asked: _Asked) -> VirtualMachine:
+def _meshed(asked: _Asked) -> machines.VirtualMachine:
     """The last machine is kept, as long as its mesh is not written again."""
     file, laws = asked.file, asked.laws
     named = mesh_of(file)
     body, materials = _with_parts(named, file)
     wetted = {name: named.facets(*film.groups, outer=True) for name, film in file.films.items()}
     springs = _springs(named, body, materials, file)
-    _require_whole(body, springs, wetted, film_sets(laws))
+    _require_whole(body, springs, wetted, machines.film_sets(laws))
     sources = {
         name: np.sum([share * named.shares(group) for group, share in source.shares.items()], axis=0)
         for name, source in file.sources.items()
@@ -102,12 +83,12 @@ def _meshed(asked: _Asked) -> VirtualMachine:
     readings = {name: _reading(named, body, name, of) for name, of in file.displacements.items()}
     elastic = elasticity(body, materials, springs)
     rows = {name: elastic.row_um_per_k(reading) for name, reading in readings.items()}
-    system = field_system(body, materials, wetted, sources, probes, rows)
-    basis = reduced_basis(system, film_sets(laws))
-    return VirtualMachine(system, basis, laws, body, materials, springs, elasticity_to_keep(elastic, body))
+    system = machines.field_system(body, materials, wetted, sources, probes, rows)
+    basis = reduced_basis(system, machines.film_sets(laws))
+    return machines.VirtualMachine(system, basis, laws, body, materials, springs, elasticity_to_keep(elastic, body))
 
 
-def _with_parts(named: NamedMesh, file: MeshFile) -> tuple[SolidMesh, dict[str, Material]]:
+def _with_parts(named: NamedMesh, file: model_file.MeshFile) -> tuple[SolidMesh, dict[str, Material]]:
     """The body in parts, and the material of each by its name."""
     names, kind = tuple(file.parts), np.full(len(named.body.cells), -1)
     # what is in no other part comes last
@@ -144,7 +125,7 @@ _RIGID = 1e5
 _NEIGHBOURS, _ON = 24, 1e-3
 
 
-def _springs(named: NamedMesh, body: SolidMesh, materials: Mapping[str, Material], file: MeshFile) -> Vector:
+def _springs(named: NamedMesh, body: SolidMesh, materials: Mapping[str, Material], file: model_file.MeshFile) -> Vector:
     """Stiffness [N/m] of the supports at every node, along X, Y, Z, of shape (n_nodes, 3)."""
     springs = np.zeros((len(body.nodes_m), 3))
     rigid = _RIGID * max(material.young_pa for material in materials.values()) * np.ptp(body.nodes_m, axis=0).max()
@@ -202,9 +183,9 @@ def _touching(body: SolidMesh, piece: Indices) -> Indices:
     return surface[on.any(axis=1)]
 
 
-def _reading(named: NamedMesh, body: SolidMesh, name: str, of: MeshDisplacement) -> Vector:
+def _reading(named: NamedMesh, body: SolidMesh, name: str, of: model_file.MeshDisplacement) -> Vector:
     """Reading of shape (3·n_nodes,) of the tool against the work, carried to the same point where it says no other."""
-    along = np.array(direction_of(name, of))
+    along = np.array(model_file.direction_of(name, of))
     along /= np.linalg.norm(along)
 
     def moved(side: str, group: str | None, at_m: Point | None) -> Vector:
@@ -251,22 +232,22 @@ _FILM_KEYS = ("still_w_per_m2_k", "speed_w_per_m2_k")
 _LENGTHS = [length.name for length in dataclasses.fields(MachineGeometry)]
 
 
-def laws_of(file: FieldFile) -> Laws:
+def laws_of(file: model_file.FieldFile) -> Laws:
     """The shipped laws with what the file says in their place, key by key.
 
     Raises ModelFileError: the machine has no such source or film, or a source without a lubricant is told to soften.
     """
-    shipped = machine_laws(file.field.physics)
+    shipped = machines.machine_laws(file.field.physics)
     _require_known(file.sources, [law.source for law in shipped.heat], "source", "sources")
     _require_known(file.films, [law.film for law in shipped.films if not law.while_coolant], "film", "films")
     _require_known(
         file.coolant_films, [law.film for law in shipped.films if law.while_coolant], "film", "coolant_films"
     )
-    surfaces = {law.film for law in shipped.films} - parts_beside()[0].heat_capacity_j_per_k.keys()
+    surfaces = {law.film for law in shipped.films} - machines.parts_beside()[0].heat_capacity_j_per_k.keys()
     _require_known(file.cooled, sorted(surfaces), "surface", "cooled")
     heat = []
     for law in shipped.heat:
-        said = file.sources.get(law.source, FieldSource()).model_dump(exclude_none=True)
+        said = file.sources.get(law.source, model_file.FieldSource()).model_dump(exclude_none=True)
         if said.get("softening_per_k") and not law.at:
             raise ModelFileError(
                 "softening of a source without lubricant",
@@ -277,13 +258,13 @@ def laws_of(file: FieldFile) -> Laws:
         heat.append(dataclasses.replace(law, **said))
     films = []
     for film in shipped.films:
-        said_of_film = (file.coolant_films if film.while_coolant else file.films).get(film.film, FieldFilm())
+        said_of_film = (file.coolant_films if film.while_coolant else file.films).get(film.film, model_file.FieldFilm())
         films.append(dataclasses.replace(film, **said_of_film.model_dump(exclude_none=True)))
     films += [FilmLaw(name, fluid="fixed", **said.model_dump()) for name, said in file.cooled.items()]
     return Laws(tuple(heat), tuple(films))
 
 
-def law_sections(file: FieldFile) -> dict[str, dict[str, dict[str, float]]]:
+def law_sections(file: model_file.FieldFile) -> dict[str, dict[str, dict[str, float]]]:
     """All laws of the machine as sections of a model file; what is switched off is left out."""
     laws = laws_of(file)
     sections: dict[str, dict[str, dict[str, float]]] = {"sources": {}, "films": {}, "coolant_films": {}}
@@ -299,7 +280,7 @@ def law_sections(file: FieldFile) -> dict[str, dict[str, dict[str, float]]]:
     return sections
 
 
-def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
+def system_of(file: model_file.FieldFile, laws: Laws) -> HeatSystem:
     """The reduced field with the thermometers of the file; takes ten seconds to a minute.
 
     Raises ModelFileError: a thermometer is at a place that the machine does not have, a gauge reads a displacement that
@@ -309,8 +290,8 @@ def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
     _require_known(settings.geometry, _LENGTHS, "length", "field", "geometry")
     anywhere = {s.name: s.xyz for s in file.sensors if s.at is None and s.xyz is not None}
     for number, sensor in enumerate(file.sensors):
-        if sensor.name not in anywhere and (sensor.at or sensor.name) not in SENSORS:
-            _refuse_name("place", sensor.at or sensor.name, list(SENSORS), ("sensors", number, "at"))
+        if sensor.name not in anywhere and (sensor.at or sensor.name) not in machines.SENSORS:
+            _refuse_name("place", sensor.at or sensor.name, list(machines.SENSORS), ("sensors", number, "at"))
     machine = field_of(file, laws)
     read = machine.full.displacements
     for number, gauge in enumerate(file.gauges):
@@ -325,18 +306,20 @@ def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
 
 
 @functools.lru_cache(maxsize=1)
-def _shipped(physics: Physics, geometry: tuple[tuple[str, float], ...], refinement: float) -> VirtualMachine:
+def _shipped(
+    physics: machines.Physics, geometry: tuple[tuple[str, float], ...], refinement: float
+) -> machines.VirtualMachine:
     """The last machine is kept for the next model."""
-    return virtual_machining_centre(physics, geometry=MachineGeometry(**dict(geometry)), refinement=refinement)
+    return machines.virtual_machining_centre(physics, geometry=MachineGeometry(**dict(geometry)), refinement=refinement)
 
 
-def field_of(file: FieldFile, laws: Laws) -> VirtualMachine:
+def field_of(file: model_file.FieldFile, laws: Laws) -> machines.VirtualMachine:
     """The machine that `system_of` reduces, with the shipped thermometers; at once after it."""
     settings = file.field
     machine = _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
     if laws.films != machine.laws.films:
         # other film coefficients ask for other fields; with the same ones, what was reduced once is kept
-        return dataclasses.replace(machine, laws=laws, basis=reduced_basis(machine.full, film_sets(laws)))
+        return dataclasses.replace(machine, laws=laws, basis=reduced_basis(machine.full, machines.film_sets(laws)))
     found = dataclasses.replace(machine, laws=laws)
     vars(found)["system"] = machine.system
     return found
@@ -353,7 +336,7 @@ def _refuse_name(what: str, name: str, known: list[str], key: tuple[str | int, .
     raise ModelFileError(found, expected=expected, where=f"key {key_text(key)}", advice=advice)
 
 
-def with_candidates(file: FieldFile | MeshFile) -> FieldFile | MeshFile:
+def with_candidates(file: model_file.FieldFile | model_file.MeshFile) -> model_file.FieldFile | model_file.MeshFile:
     """The file with a thermometer at every candidate place instead of its section on them; the file's own come first.
 
     Raises ModelFileError: the machine has no such surface, the spacing leaves no place or too many, or a name is taken.
@@ -362,7 +345,7 @@ def with_candidates(file: FieldFile | MeshFile) -> FieldFile | MeshFile:
     if wanted is None:
         return file
     try:
-        if isinstance(file, MeshFile):
+        if isinstance(file, model_file.MeshFile):
             mesh = mesh_of(file)
             surfaces = {name: mesh.facets(name, outer=True) for name in wanted.surfaces}
             places = surface_candidates(mesh.body, surfaces, wanted.spacing_m)
@@ -373,10 +356,10 @@ def with_candidates(file: FieldFile | MeshFile) -> FieldFile | MeshFile:
         where = "key field.geometry" if "geometry" in error.where else "key candidates"
         raise error.at(where, ModelFileError) from None
     count = len(file.sensors) + len(places)
-    if count > MOST_SENSORS:
+    if count > model_file.MOST_SENSORS:
         raise ModelFileError(
             f"{len(places)} candidates beside {len(file.sensors)} thermometers",
-            expected=f"at most {MOST_SENSORS} together",
+            expected=f"at most {model_file.MOST_SENSORS} together",
             where="key candidates.spacing_m",
             advice="enlarge the spacing, or name fewer surfaces",
         )
@@ -391,7 +374,7 @@ def with_candidates(file: FieldFile | MeshFile) -> FieldFile | MeshFile:
                 advice="give it another name",
             )
     instrument = wanted.model_dump(include={"lag_s", "noise_k", "resolution_k"})
-    spread = (Sensor(name=name, place=at.place, xyz=at.xyz_m, **instrument) for name, at in places.items())
+    spread = (model_file.Sensor(name=name, place=at.place, xyz=at.xyz_m, **instrument) for name, at in places.items())
     return file.model_copy(update={"sensors": (*file.sensors, *spread), "candidates": None})
 
 
@@ -406,13 +389,13 @@ class FieldMoment:
     deformation_um: Vector  #: (n_nodes, 3): Displacement since the start of the run [µm]
 
 
-def field_moment(file: FieldFile | MeshFile, conditions: Conditions, at_s: float) -> FieldMoment:
+def field_moment(file: model_file.FieldFile | model_file.MeshFile, conditions: Conditions, at_s: float) -> FieldMoment:
     """The moment `at_s` [s] of the run that these conditions make of the machine.
 
     Raises InputError: the time is outside the conditions.
     """
-    if isinstance(file, MeshFile):
-        laws = stated_laws(file)
+    if isinstance(file, model_file.MeshFile):
+        laws = model_file.stated_laws(file)
         machine = meshed(file, laws)
     else:
         laws = laws_of(file)

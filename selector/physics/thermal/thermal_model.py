@@ -16,15 +16,7 @@ from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.thermal import model_file
 from selector.physics.thermal.finding_table import FINDINGS
 from selector.physics.thermal.modes.modes import Cyclogram, ModalModel, SpeedLaw
-from selector.physics.thermal.network.heat_system import (
-    Conditions,
-    HeatSystem,
-    Laws,
-    Network,
-    film_coefficients,
-    summed,
-    time_constants_s,
-)
+from selector.physics.thermal.network import heat_system
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.schedule import CONDITIONS, condensed, driven, held_at, lagged, read_out, seed_of_run
 from selector.recording import Channel, Recording
@@ -38,8 +30,8 @@ Point = tuple[float, float, float]
 class HeatMachine:
     """A body with its laws, and where its probes sit."""
 
-    system: HeatSystem  #: The body
-    laws: Laws  #: How it is heated and cooled
+    system: heat_system.HeatSystem  #: The body
+    laws: heat_system.Laws  #: How it is heated and cooled
     probes: tuple[str, ...]  #: Probes that are read where the file names no thermometers
     #: place_of_probe and xyz_of_probe: In words, and on the machine, where it is known
     place_of_probe: Mapping[str, str] = field(default_factory=dict)
@@ -77,7 +69,7 @@ def machine_of(file: model_file.ModelFile, built: HeatMachine | None = None) -> 
 
 def network_machine(file: model_file.NetworkFile) -> HeatMachine:
     """The network of a model file: one probe a node, one displacement for every name among the expansions."""
-    network = Network(
+    network = heat_system.Network(
         {name: node.heat_capacity_j_per_k for name, node in file.nodes.items()},
         [(*link.between, link.conductance_w_per_k) for link in file.links],
         {name: film.area_m2 for name, film in file.films.items()},
@@ -113,7 +105,7 @@ def modal_machine(file: model_file.ModesFile) -> ModalModel:
 SLOWEST = 6
 
 
-def slowest_time_constants(machine: HeatMachine | ModalModel, conditions: Conditions) -> dict[str, Vector]:
+def slowest_time_constants(machine: HeatMachine | ModalModel, conditions: heat_system.Conditions) -> dict[str, Vector]:
     """What is held → the slowest time constants [s] then, longest first; infinite for a part that no fluid reaches.
 
     The machine stands without coolant, turns at the fastest speed of the conditions, and does so with coolant if that
@@ -131,16 +123,18 @@ def slowest_time_constants(machine: HeatMachine | ModalModel, conditions: Condit
     for name, (speed, coolant) in corners.items():
         films = _films(machine.laws, conditions, speed, coolant)
         if films not in seen:
-            found[name] = time_constants_s(machine.system, films)[:SLOWEST]
+            found[name] = heat_system.time_constants_s(machine.system, films)[:SLOWEST]
         seen.append(films)
     return found
 
 
-def _films(laws: Laws, conditions: Conditions, speed_rpm: float, coolant_on: float) -> dict[str, float]:
+def _films(
+    laws: heat_system.Laws, conditions: heat_system.Conditions, speed_rpm: float, coolant_on: float
+) -> dict[str, float]:
     """Film → coefficient [W/(m²·K)] while this is held."""
     count = len(conditions.time_s)
     held = replace(conditions, spindle_speed=np.full(count, speed_rpm), coolant_on=np.full(count, coolant_on))
-    return summed([law.film for law in laws.films], film_coefficients(laws, held)[0])
+    return heat_system.summed([law.film for law in laws.films], heat_system.film_coefficients(laws, held)[0])
 
 
 #: Conditions that a simulated recording holds even if they do not change.
@@ -203,7 +197,7 @@ class FileModel(ModelOfFile[model_file.ModelFile]):
 
     def simulate(
         self,
-        conditions: Conditions,
+        conditions: heat_system.Conditions,
         *,
         time_s: Vector | None = None,
         run: str = "simulation",
@@ -231,7 +225,7 @@ class FileModel(ModelOfFile[model_file.ModelFile]):
         return Recording.from_runs({run: table}, (*map(input_channel, said), *self.outputs), provenance)
 
     def readings(
-        self, conditions: Conditions, time_s: Vector, *, run: str, seed: int | None, instruments: bool
+        self, conditions: heat_system.Conditions, time_s: Vector, *, run: str, seed: int | None, instruments: bool
     ) -> tuple[dict[str, Vector], dict[str, Any]]:
         """Outputs by name, each (n_times,), and their provenance; arguments as in `simulate`."""
         seed = self.file.run.seed if seed is None else seed
@@ -253,7 +247,7 @@ class FileModel(ModelOfFile[model_file.ModelFile]):
         return columns, {"simulated": about, "runs": {run: balance}}
 
     def _courses(
-        self, conditions: Conditions, time_s: Vector
+        self, conditions: heat_system.Conditions, time_s: Vector
     ) -> tuple[dict[str, Vector], dict[str, Vector], dict[str, Any]]:
         """True temperatures [°C] and displacements [µm] by name, and the heat balance."""
         if isinstance(self.machine, ModalModel):
@@ -396,7 +390,7 @@ def driven_runs(
     recording: Recording,
     *,
     inputs: model_file.InputsSection,
-    otherwise: Conditions,
+    otherwise: heat_system.Conditions,
     seed: int | None = None,
     progress: Progress = unheard,
 ) -> tuple[Recording, tuple[Finding, ...]]:
@@ -470,7 +464,7 @@ def _matched(outputs: tuple[Channel, ...], recording: Recording) -> dict[str, Ch
     return matched
 
 
-def _not_recorded(name: str, runs: list[str], recording: Recording, otherwise: Conditions) -> Finding:
+def _not_recorded(name: str, runs: list[str], recording: Recording, otherwise: heat_system.Conditions) -> Finding:
     course = held_at(otherwise, name, otherwise.time_s)
     moves = float(course.max()) > float(course.min())
     value = (

@@ -15,16 +15,7 @@ from numpy.typing import ArrayLike
 from selector.errors import InputError, Misfit
 from selector.physics.checks import Checked
 from selector.physics.ranges import above, true_stretches
-from selector.physics.vibration.structure import (
-    GROUND,
-    UNDAMPED,
-    Joint,
-    Member,
-    Source,
-    Structure,
-    receptance,
-    receptances,
-)
+from selector.physics.vibration import structure as structures
 from selector.types import Array, Complex, Mask, Vector
 
 Range = Literal["high", "low"]
@@ -42,7 +33,9 @@ class Chain(Checked):
     final: str  #: Member whose motion is asked for: of the branch's last group, or of the path's first
     #: Groups from the one that hangs on the path to the final one; empty: the motion of the path's first group counts
     branch: tuple[Group, ...] = ()
-    held: str = GROUND  #: What the path ends at and is taken as standing still: `GROUND`, or a member that is a barrier
+    held: str = (
+        structures.GROUND
+    )  #: What the path ends at and is taken as standing still: `GROUND`, or a member that is a barrier
 
     def _misfits(self) -> Iterator[Misfit]:
         groups = (*self.path, *self.branch)
@@ -101,7 +94,7 @@ class ChainReceptance:
 
 
 def chain_receptance(
-    structure: Structure, chain: Chain, frequency_hz: ArrayLike, *, dampers_carry: bool = False
+    structure: structures.Structure, chain: Chain, frequency_hz: ArrayLike, *, dampers_carry: bool = False
 ) -> ChainReceptance:
     """Motions of a chain per unit force on its first group, by the published method.
 
@@ -136,7 +129,7 @@ def chain_receptance(
     )
 
 
-def chain_links(structure: Structure, chain: Chain) -> tuple[tuple[Link, ...], tuple[Link, ...]]:
+def chain_links(structure: structures.Structure, chain: Chain) -> tuple[tuple[Link, ...], tuple[Link, ...]]:
     """Links of the path, from the source on, and of the branch, outwards from the group that carries it.
 
     InputError if neighbours have no joint, or not exactly one group of the path carries the branch.
@@ -161,17 +154,17 @@ def chain_links(structure: Structure, chain: Chain) -> tuple[tuple[Link, ...], t
     return path, tuple(_link(structure, group, on, where) for group, on in zip(chain.branch, onto, strict=True))
 
 
-def chain_structure(structure: Structure, chain: Chain) -> Structure:
+def chain_structure(structure: structures.Structure, chain: Chain) -> structures.Structure:
     """The chain alone as a structure to be solved coupled: groups merged, what is held as ground, its links only.
 
     Members are called as their group's, joined by " + ". Errors: as `chain_links`.
     """
     links = sum(chain_links(structure, chain), ())
-    return Structure(
-        members=tuple(Member(merged_name(link.group), link.mass_kg) for link in links),
+    return structures.Structure(
+        members=tuple(structures.Member(merged_name(link.group), link.mass_kg) for link in links),
         joints=tuple(
-            Joint(
-                (merged_name(link.group), GROUND if link.on == (chain.held,) else merged_name(link.on)),
+            structures.Joint(
+                (merged_name(link.group), structures.GROUND if link.on == (chain.held,) else merged_name(link.on)),
                 link.stiffness_n_per_m,
                 2.0 * math.pi * link.loss_factor,
             )
@@ -185,7 +178,7 @@ def merged_name(group: Group) -> str:
     return " + ".join(group)
 
 
-def force_sign(chain: Chain, source: Source) -> int:
+def force_sign(chain: Chain, source: structures.Source) -> int:
     """+1 if the source pushes the chain's first group, −1 if it pushes against it.
 
     InputError if it does neither or both.
@@ -205,7 +198,7 @@ def _answer(link: Link, frequency_hz: Array, chain: Chain) -> Complex:
     """μ·e^{−iφ} of a link (V eq. 4, 6)."""
     beside = 1.0 - (frequency_hz / link.natural_hz) ** 2
     size = np.hypot(beside, link.loss_factor)
-    resonant = np.flatnonzero(size < UNDAMPED)
+    resonant = np.flatnonzero(size < structures.UNDAMPED)
     if len(resonant):
         raise InputError(
             f"a force at {frequency_hz[resonant[0]]:.6g} Hz, the natural frequency of ({', '.join(link.group)}) on its "
@@ -218,7 +211,7 @@ def _answer(link: Link, frequency_hz: Array, chain: Chain) -> Complex:
     return np.asarray(np.exp(-1j * np.arctan2(link.loss_factor, beside)) / size)
 
 
-def _link(structure: Structure, group: Group, on: Group, where: str) -> Link:
+def _link(structure: structures.Structure, group: Group, on: Group, where: str) -> Link:
     joints = _joints_between(structure, group, on)
     if not joints:
         raise InputError(
@@ -237,7 +230,7 @@ def _link(structure: Structure, group: Group, on: Group, where: str) -> Link:
     )
 
 
-def _joints_between(structure: Structure, group: Group, on: Group) -> list[Joint]:
+def _joints_between(structure: structures.Structure, group: Group, on: Group) -> list[structures.Joint]:
     return [
         joint
         for joint in structure.joints
@@ -282,11 +275,11 @@ class ChainAccuracy:
 
 
 def chain_accuracy(
-    structure: Structure,
+    structure: structures.Structure,
     chains: Sequence[Chain],
     frequency_hz: ArrayLike,
     *,
-    sources: Sequence[Source] = (),
+    sources: Sequence[structures.Source] = (),
     split_hz: float | None = None,
     dampers_carry: bool = False,
 ) -> tuple[ChainAccuracy, ...]:
@@ -307,7 +300,7 @@ def chain_accuracy(
         return ()
     alone_of = {chain.name: chain_structure(structure, chain) for chain in chains}
     cases = [(chain, source) for chain in chains for source in _acting(chain, sources)]
-    motion = receptances(structure, frequency, np.array([_spread(structure, *case) for case in cases]))
+    motion = structures.receptances(structure, frequency, np.array([_spread(structure, *case) for case in cases]))
     judged = []
     for (chain, source), whole in zip(cases, motion, strict=True):
         counts = in_range(chain.range, frequency, split_hz)
@@ -316,7 +309,7 @@ def chain_accuracy(
             continue
         published = chain_receptance(structure, chain, at_hz, dampers_carry=dampers_carry).final
         end = merged_name(chain.branch[-1] if chain.branch else chain.path[0])
-        alone = receptance(alone_of[chain.name], at_hz, of=end, at=merged_name(chain.path[0]))
+        alone = structures.receptance(alone_of[chain.name], at_hz, of=end, at=merged_name(chain.path[0]))
         exact = whole[counts, structure.position(chain.final)]
         judged.append(
             ChainAccuracy(
@@ -358,13 +351,13 @@ def decibel(ratio: Complex) -> Vector:
     return 20.0 * np.log10(np.clip(np.abs(ratio), 1e-15, 1e15))
 
 
-def _acting(chain: Chain, sources: Sequence[Source]) -> list[Source | None]:
+def _acting(chain: Chain, sources: Sequence[structures.Source]) -> list[structures.Source | None]:
     """Those of the sources that the chain names; None where it names none of them."""
-    named: list[Source | None] = [source for source in sources if source.name in chain.sources]
+    named: list[structures.Source | None] = [source for source in sources if source.name in chain.sources]
     return named or [None]
 
 
-def _spread(structure: Structure, chain: Chain, source: Source | None) -> Vector:
+def _spread(structure: structures.Structure, chain: Chain, source: structures.Source | None) -> Vector:
     """Unit force on the members: where the source acts in the chain's first group, or over the group by mass."""
     group = chain.path[0]
     if source is not None:

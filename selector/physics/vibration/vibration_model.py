@@ -10,15 +10,8 @@ import pandas as pd
 from selector.findings import Finding
 from selector.physics.model_fields import ModelOfFile
 from selector.physics.simulation_kind import Progress, unheard
+from selector.physics.vibration import final_motion
 from selector.physics.vibration.chains import Chain
-from selector.physics.vibration.final_motion import (
-    ChainMethod,
-    FinalMotions,
-    MotionSignal,
-    final_motions,
-    motion_signal,
-    source_phases_rad,
-)
 from selector.physics.vibration.model_file import (
     FAMILY,
     VibrationFile,
@@ -44,7 +37,7 @@ class VibrationSimulation:
     #: What a measurement would hold: `VibrationModel.outputs`, forces of the sources, speeds of the shafts
     recording: Recording
     #: "coupled", and "chains" where there are any → motion of the finals by every line at the speeds `shaft_rpm`
-    motions: Mapping[str, FinalMotions]
+    motions: Mapping[str, final_motion.FinalMotions]
     shaft_rpm: Mapping[str, float]  #: Mean speed of every shaft over all runs [r/min]
     findings: tuple[Finding, ...] = ()  #: What is odd about the motion in time, or the recorded runs
     matched: Mapping[str, str] = field(default_factory=dict)  #: Name of a channel → that of the recorded one
@@ -113,11 +106,11 @@ class VibrationModel(ModelOfFile[VibrationFile]):
         cut = self.cutting(shaft_rpm)
         return None if cut is None else split_frequency_hz(cut, self.surface)
 
-    def chain_method(self, shaft_rpm: Mapping[str, float]) -> ChainMethod | None:
+    def chain_method(self, shaft_rpm: Mapping[str, float]) -> final_motion.ChainMethod | None:
         """Its chains at these speeds of the shafts [r/min]; None where it has none."""
-        return ChainMethod(self.chains, self.split_hz(shaft_rpm)) if self.chains else None
+        return final_motion.ChainMethod(self.chains, self.split_hz(shaft_rpm)) if self.chains else None
 
-    def method(self, shaft_rpm: Mapping[str, float]) -> ChainMethod | None:
+    def method(self, shaft_rpm: Mapping[str, float]) -> final_motion.ChainMethod | None:
         """The chains at these speeds of the shafts [r/min], if its run is made by them; None: the coupled structure."""
         return self.chain_method(shaft_rpm) if self.file.run.method == "chains" else None
 
@@ -134,12 +127,12 @@ class VibrationModel(ModelOfFile[VibrationFile]):
                 found.append((source.name, *span))
         return tuple(found)
 
-    def motions(self, shaft_rpm: Mapping[str, float]) -> dict[str, FinalMotions]:
+    def motions(self, shaft_rpm: Mapping[str, float]) -> dict[str, final_motion.FinalMotions]:
         """Method → motion of the finals by every line at these speeds [r/min]; the chains where there are any."""
         lines, chains = excitation(self.sources, shaft_rpm), self.chain_method(shaft_rpm)
-        found = {"coupled": final_motions(self.structure, self.sources, lines, self.finals)}
+        found = {"coupled": final_motion.final_motions(self.structure, self.sources, lines, self.finals)}
         if chains is not None:
-            found["chains"] = final_motions(self.structure, self.sources, lines, self.finals, chains)
+            found["chains"] = final_motion.final_motions(self.structure, self.sources, lines, self.finals, chains)
         return found
 
     def simulation(
@@ -167,7 +160,7 @@ class VibrationModel(ModelOfFile[VibrationFile]):
 
     def phases_rad(self, seed: int) -> dict[str, float]:
         """Source → shift of all its lines that this seed draws [rad]."""
-        return source_phases_rad(self.sources, seed=seed, phases=self.file.realisations.phases)
+        return final_motion.source_phases_rad(self.sources, seed=seed, phases=self.file.realisations.phases)
 
     def signal(
         self,
@@ -177,14 +170,14 @@ class VibrationModel(ModelOfFile[VibrationFile]):
         *,
         sources: tuple[Source, ...] | None = None,
         leave_out: bool = False,
-    ) -> MotionSignal:
+    ) -> final_motion.MotionSignal:
         """Motion and forces at these times, see `motion_signal`.
 
         By default all sources shake. With `leave_out` lines that the times cannot carry are left out, with a finding,
         instead of refused.
         """
         speeds = {name: mean_rpm(course, float(time_s[0]), float(time_s[-1])) for name, course in courses.items()}
-        return motion_signal(
+        return final_motion.motion_signal(
             self.structure,
             self.sources if sources is None else sources,
             courses,
@@ -195,7 +188,7 @@ class VibrationModel(ModelOfFile[VibrationFile]):
             beyond="leave-out" if leave_out else "refuse",
         )
 
-    def recorded(self, signals: Mapping[str, MotionSignal], seed: int | None) -> Recording:
+    def recorded(self, signals: Mapping[str, final_motion.MotionSignal], seed: int | None) -> Recording:
         """Run → signal, as a recording with the noise of the file, drawn by the seed; without one there is none."""
         tables, noise_um = {}, self.file.sensing.noise_um
         for number, (run, signal) in enumerate(signals.items()):

@@ -10,6 +10,7 @@ import numpy as np
 from selector.errors import InputError
 from selector.findings import Finding, Level
 from selector.physics.model_fields import unlikely_values
+from selector.physics.vibration import structure as structures
 from selector.physics.vibration.chains import ChainAccuracy, chain_accuracy
 from selector.physics.vibration.final_motion import FinalMotions
 from selector.physics.vibration.finding_table import FINDINGS
@@ -25,14 +26,6 @@ from selector.physics.vibration.periodic_error import (
     section_times,
     stability_limit,
 )
-from selector.physics.vibration.structure import (
-    Excitation,
-    Structure,
-    StructureModes,
-    excitation,
-    strained_joint,
-    structure_modes,
-)
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
 from selector.types import Array, Complex, Mask
 
@@ -44,7 +37,7 @@ LOWEST_HZ, HIGHEST_HZ = 1.0, 20e3
 _WORDS = {RELATIVE: "the tool against the workpiece"}
 
 
-def model_findings(model: VibrationModel, modes: StructureModes) -> tuple[Finding, ...]:
+def model_findings(model: VibrationModel, modes: structures.StructureModes) -> tuple[Finding, ...]:
     """What is odd before it runs: numbers and eigenfrequencies that no machine has, lines in sharp resonances."""
     found = list(unlikely_values(model.file))
     found += _odd_frequencies(model.structure, modes)
@@ -52,7 +45,7 @@ def model_findings(model: VibrationModel, modes: StructureModes) -> tuple[Findin
     return tuple(found)
 
 
-def _odd_frequencies(structure: Structure, modes: StructureModes) -> Iterator[Finding]:
+def _odd_frequencies(structure: structures.Structure, modes: structures.StructureModes) -> Iterator[Finding]:
     for number in (0, -1):
         frequency = float(modes.frequency_hz[number])
         if LOWEST_HZ <= frequency <= HIGHEST_HZ:
@@ -68,7 +61,7 @@ def _odd_frequencies(structure: Structure, modes: StructureModes) -> Iterator[Fi
         )
 
 
-def _sharp(model: VibrationModel, modes: StructureModes) -> Iterator[Finding]:
+def _sharp(model: VibrationModel, modes: structures.StructureModes) -> Iterator[Finding]:
     """Of every mode the line that it amplifies most, if that is much."""
     for number, eigenvalue in enumerate(modes.eigenvalues_per_s2):
         amplified = []
@@ -89,9 +82,9 @@ def _sharp(model: VibrationModel, modes: StructureModes) -> Iterator[Finding]:
         )
 
 
-def _strained(structure: Structure, modes: StructureModes, number: int) -> str:
+def _strained(structure: structures.Structure, modes: structures.StructureModes, number: int) -> str:
     """The joint that holds most of the energy of a mode, in words."""
-    one, other = strained_joint(structure, modes.shapes[:, number]).between
+    one, other = structures.strained_joint(structure, modes.shapes[:, number]).between
     return f"the joint {one} – {other}"
 
 
@@ -244,7 +237,7 @@ class AmplitudeSummary:
 class VibrationSummary:
     """What a simulation amounts to, at the mean speeds of its shafts."""
 
-    modes: StructureModes  #: Of the coupled structure
+    modes: structures.StructureModes  #: Of the coupled structure
     lines: tuple[LineSummary, ...]  #: By frequency; lines of different sources stay apart
     amplitudes: Mapping[str, AmplitudeSummary]  #: "tool", "workpiece" and `RELATIVE`, by the method of ``run.method``
     errors: tuple[PeriodicError, ...] = ()  #: What the motion leaves on the surface; empty without ``[cutting]``
@@ -264,7 +257,7 @@ def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) ->
 
     InputError: a mode or a frequency that is beyond what numbers hold.
     """
-    modes = structure_modes(model.structure)
+    modes = structures.structure_modes(model.structure)
     coupled, chains = simulation.motions["coupled"], simulation.motions.get("chains")
     motions = simulation.motions[model.file.run.method]
     findings = list(model_findings(model, modes))
@@ -287,7 +280,7 @@ def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) ->
     accuracy, said = _accuracy(model, motions.frequency_hz, split_hz)
     return VibrationSummary(
         modes=modes,
-        lines=_lines(excitation(model.sources, simulation.shaft_rpm), motions, coupled, chains),
+        lines=_lines(structures.excitation(model.sources, simulation.shaft_rpm), motions, coupled, chains),
         amplitudes=amplitudes,
         errors=errors,
         heights={one.kind: one for one in heights},
@@ -300,7 +293,7 @@ def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) ->
 
 
 def _lines(
-    lines: Excitation, motions: FinalMotions, coupled: FinalMotions, chains: FinalMotions | None
+    lines: structures.Excitation, motions: FinalMotions, coupled: FinalMotions, chains: FinalMotions | None
 ) -> tuple[LineSummary, ...]:
     order = np.argsort(lines.frequency_hz, kind="stable")
     of = {name: (name,) if name != RELATIVE else FINALS for name in (*FINALS, RELATIVE)}

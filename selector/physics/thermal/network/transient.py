@@ -13,21 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg, sparse
 
 from selector.errors import InputError
-from selector.physics.thermal.network.heat_system import (
-    Conditions,
-    HeatSystem,
-    Laws,
-    Lubricants,
-    Solve,
-    SystemMatrix,
-    conductance,
-    dense,
-    film_coefficients,
-    fluid_degc,
-    heat_parts,
-    solver_of,
-    summed,
-)
+from selector.physics.thermal.network import heat_system
 from selector.types import Array, Vector
 
 Method = Literal["auto", "exact", "implicit"]
@@ -78,9 +64,9 @@ class HeatHistory:
 
 
 def simulate_heat(
-    system: HeatSystem,
-    laws: Laws,
-    conditions: Conditions,
+    system: heat_system.HeatSystem,
+    laws: heat_system.Laws,
+    conditions: heat_system.Conditions,
     *,
     time_s: ArrayLike,
     step_s: float,
@@ -141,16 +127,20 @@ def simulate_heat(
         states=states + datum * system.uniform,
         end_state=rise + datum * system.uniform,
         balance=EnergyBalance(
-            stored, summed([law.source for law in laws.heat], heat_j), summed([law.film for law in laws.films], film_j)
+            stored,
+            heat_system.summed([law.source for law in laws.heat], heat_j),
+            heat_system.summed([law.film for law in laws.films], film_j),
         ),
         method=chosen,
     )
 
 
-def _intervals(laws: Laws, conditions: Conditions, datum_degc: float) -> tuple[Vector, list[_Interval]]:
+def _intervals(
+    laws: heat_system.Laws, conditions: heat_system.Conditions, datum_degc: float
+) -> tuple[Vector, list[_Interval]]:
     """Starts [s] and held values of the stretches in which nothing changes; equal neighbours are one."""
-    films, fluids = film_coefficients(laws, conditions), fluid_degc(laws, conditions)
-    firm, lubricant = heat_parts(laws, conditions)
+    films, fluids = heat_system.film_coefficients(laws, conditions), heat_system.fluid_degc(laws, conditions)
+    firm, lubricant = heat_system.heat_parts(laws, conditions)
     table = np.hstack([films, fluids, firm, lubricant])[:-1]
     first = np.flatnonzero(np.r_[True, (table[1:] != table[:-1]).any(axis=1)])
     starts = conditions.time_s[first]
@@ -170,7 +160,7 @@ def _method(body: _Body, intervals: Sequence[_Interval]) -> Literal["exact", "im
     return "exact" if sets * (2e-4 + 4e-9 * size**3) <= _EIGEN_SECONDS or sets == 1 else "implicit"
 
 
-def _times(asked: ArrayLike, conditions: Conditions, name: str) -> Vector:
+def _times(asked: ArrayLike, conditions: heat_system.Conditions, name: str) -> Vector:
     times = np.array(asked, dtype=np.float64)
     begin, end = float(conditions.time_s[0]), float(conditions.time_s[-1])
     if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) < 0).any():
@@ -199,8 +189,8 @@ class _Body:
     """A heat system with its laws, as the arrays that steppers work on."""
 
     #: system and laws: What is stepped
-    system: HeatSystem
-    laws: Laws
+    system: heat_system.HeatSystem
+    laws: heat_system.Laws
     datum_degc: float  #: Temperature [°C] that rises are counted from
 
     def __post_init__(self) -> None:
@@ -224,12 +214,12 @@ class _Body:
         )
 
     @cached_property
-    def lubricants(self) -> Lubricants:
+    def lubricants(self) -> heat_system.Lubricants:
         """What the soft laws' heat follows."""
         laws = [self.laws.heat[k] for k in self.soft]
         at = self._table([self.system.probes[law.at] for law in laws])
         zero = np.array([law.softening_degc for law in laws], dtype=np.float64)
-        return Lubricants(
+        return heat_system.Lubricants(
             rows=at,
             per_k=np.array([law.softening_per_k for law in laws], dtype=np.float64),
             zero_rise=zero - at @ self.system.uniform * self.datum_degc,
@@ -260,10 +250,10 @@ class _Body:
             heat[self.soft] = held.firm_w[self.soft]
         return heat
 
-    def conductance(self, held: _Interval) -> SystemMatrix:
+    def conductance(self, held: _Interval) -> heat_system.SystemMatrix:
         """K + Σ h_f·A_f [W/K] with the film coefficients of an interval."""
         films = [law.film for law in self.laws.films]
-        return conductance(self.system, summed(films, held.film_w_per_m2_k))
+        return heat_system.conductance(self.system, heat_system.summed(films, held.film_w_per_m2_k))
 
 
 @dataclass(frozen=True)
@@ -339,7 +329,7 @@ class _ExactStepper:
     def __init__(self, body: _Body, step_s: float) -> None:
         self._body = body
         self._step_s = step_s
-        self._capacity = dense(body.system.capacity)
+        self._capacity = heat_system.dense(body.system.capacity)
         self._modal: OrderedDict[bytes, _Modal] = OrderedDict()
         self._room = max(2, int(_CACHE_BYTES / (16 * body.system.size**2)))
 
@@ -411,7 +401,7 @@ class _ExactStepper:
             self._modal.move_to_end(key)
             return self._modal[key]
         body = self._body
-        rate, shapes = linalg.eigh(dense(body.conductance(held)), self._capacity)
+        rate, shapes = linalg.eigh(heat_system.dense(body.conductance(held)), self._capacity)
         modal = _Modal(
             # a body's temperatures never grow by themselves: what is below 0 is rounding
             rate=np.maximum(rate, 0.0),
@@ -489,7 +479,7 @@ class _ImplicitStepper:
     def __init__(self, body: _Body, step_s: float) -> None:
         self._body = body
         self._step_s = step_s
-        self._solvers: OrderedDict[tuple[float, bytes], tuple[Solve, Array]] = OrderedDict()
+        self._solvers: OrderedDict[tuple[float, bytes], tuple[heat_system.Solve, Array]] = OrderedDict()
         self._room = 2
 
     def advance(self, rise: Vector, held: _Interval, read_s: Vector, keep_s: Vector) -> _Advance:
@@ -532,7 +522,7 @@ class _ImplicitStepper:
             rise, stored = ahead, capacity @ ahead
         return _Advance(rise, np.concatenate(read), np.concatenate(kept), film, heat)
 
-    def _solver(self, held: _Interval, step: float) -> tuple[Solve, Array]:
+    def _solver(self, held: _Interval, step: float) -> tuple[heat_system.Solve, Array]:
         """Solver of a stage, and the rise that 1 W of every lubricant adds to the stage's state."""
         key = (step, held.film_w_per_m2_k.tobytes())
         if key in self._solvers:
@@ -541,7 +531,7 @@ class _ImplicitStepper:
         # room is made before the next one is built
         while len(self._solvers) >= self._room:
             self._solvers.popitem(last=False)
-        solver = solver_of(self._body.system.capacity + _GAMMA * step * self._body.conductance(held))
+        solver = heat_system.solver_of(self._body.system.capacity + _GAMMA * step * self._body.conductance(held))
         self._room = int(np.clip(_IMPLICIT_CACHE_BYTES // solver.n_bytes, 2, _MOST))
         loads = _GAMMA * step * self._body.heat_loads[:, self._body.soft]
         per_watt = np.array([solver.solve(column) for column in loads.T]).reshape(loads.T.shape).T
