@@ -24,8 +24,7 @@ import numpy as np
 from selector.physics.thermal.field import field_machine
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks
 from selector.physics.thermal.field.machine import CELL_M, displacement_readings
-from selector.physics.thermal.field.mesh import block_mesh
-from selector.physics.thermal.field.thermoelasticity import MATERIALS, conduction_matrices, elastic_matrices, elasticity
+from selector.physics.thermal.field.mesh import MATERIALS, block_mesh, conduction_matrices, elastic_matrices, elasticity
 from selector.physics.thermal.network.heat_system import Conditions, FilmLaw, HeatLaw, Laws, solver_of
 from selector.physics.thermal.network.transient import simulate_heat
 

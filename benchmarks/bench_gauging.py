@@ -23,9 +23,17 @@ from selector.physics.gauging.characteristic import characteristic, linear_gauge
 from selector.physics.gauging.gauged_grinding import GaugedGrinding, finished_sizes
 from selector.physics.gauging.gauging_model import gauging_model
 from selector.physics.gauging.model_file import read_model_file
-from selector.physics.gauging.process import Correction, Grinding, Noise, Stage, Surface
 from selector.physics.gauging.sizes import sizes_by_formula
-from selector.physics.gauging.transducer import LinearGauge, Relay, RippleCrest
+from selector.physics.gauging.transducer import (
+    Correction,
+    Grinding,
+    LinearGauge,
+    Noise,
+    Relay,
+    RippleCrest,
+    Stage,
+    Surface,
+)
 from tests.physics.gauging.examples import TRANSDUCER
 
 GAUGE = LinearGauge(-0.01, 3.0, 0.05)

@@ -22,8 +22,8 @@ from selector.physics.thermal.modes.modes import Cyclogram
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.network.heat_system import Conditions
 from selector.physics.thermal.network.transient import simulate_heat
+from selector.physics.thermal.prediction.answer import modal_repeats
 from selector.physics.thermal.prediction.observer import DayReadings, Stop, as_run, observed
-from selector.physics.thermal.prediction.tests_judged import modal_repeats
 from tests.physics.thermal.segments import of_segments
 
 NOISE_UM, NOISE_K, DIGITS_UM, DIGITS_K = 0.3, 0.05, 1, 1

@@ -35,8 +35,7 @@ import pandas as pd
 from bench_reduction import shift
 
 from selector.models.design import datum_of, lagged, rows_of
-from selector.physics.thermal.field.candidates import sensor_candidates
-from selector.physics.thermal.field.machine import Sensor, VirtualMachine, virtual_machining_centre
+from selector.physics.thermal.field.machine import Sensor, VirtualMachine, sensor_candidates, virtual_machining_centre
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.recording import Channel, Recording
 from selector.selection import Options, Selection, select

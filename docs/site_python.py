@@ -40,7 +40,7 @@ PARTS = {
     ),
     "gauging": (
         "How it grinds to size",
-        "physics.gauging.transducer physics.gauging.characteristic physics.gauging.process"
+        "physics.gauging.transducer physics.gauging.characteristic"
         " physics.gauging.gauged_grinding"
         " physics.gauging.sizes physics.gauging.model_file physics.gauging.gauging_model",
     ),

@@ -208,7 +208,7 @@ def test_no_peak_is_lost_in_thinning():
     # one sample of 10 000 sticks out
     residual = np.zeros(10_000)
     residual[6_789] = -5.0
-    kept = figures.traces.telling_samples(residual, 100)
+    kept = figures.panels.telling_samples(residual, 100)
     assert 6_789 in kept
     assert len(kept) <= 101
     assert kept[0] == 0

@@ -21,8 +21,8 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.bench_gauging import BASE, GRINDING
 from selector.figures import style
 from selector.physics.gauging.gauged_grinding import finished_sizes
-from selector.physics.gauging.process import Noise
 from selector.physics.gauging.sizes import sizes_by_formula
+from selector.physics.gauging.transducer import Noise
 from selector.telling.simulated.gauging import size_density
 
 PARTS, FILTERS = 4000, 30

@@ -4,9 +4,9 @@ The visual language is in `selector.figures.style`: one colour a role, safe for 
 axis.
 """
 
+from selector.figures.grouping import sensor_places as sensor_places
 from selector.figures.grouping import sensor_tree as sensor_tree
 from selector.figures.grouping import similarity_and_closure as similarity_and_closure
-from selector.figures.places import sensor_places as sensor_places
 from selector.figures.proof import error_against_sensors as error_against_sensors
 from selector.figures.proof import errors_per_run as errors_per_run
 from selector.figures.proof import measured_and_predicted as measured_and_predicted

@@ -6,12 +6,11 @@ import numpy as np
 import plotly.graph_objects as go
 
 from selector.figures import style
-from selector.figures.panels import Line, Panel, stacked
-from selector.figures.traces import Traced, beside_each_other, common_ranges, telling_samples
+from selector.figures.panels import Line, Panel, Traced, beside_each_other, common_ranges, stacked, telling_samples
 from selector.number_text import number_text
+from selector.physics.thermal.prediction.answer import RepeatedTest
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram
 from selector.physics.thermal.prediction.prediction import Prediction
-from selector.physics.thermal.prediction.tests_judged import RepeatedTest
 from selector.types import Vector
 
 POINTS_PER_TEST = 600

@@ -8,8 +8,8 @@ import numpy as np
 import plotly.graph_objects as go
 
 from selector.figures import style
+from selector.figures.panels import Traced, beside_each_other, common_ranges, telling_samples
 from selector.figures.style import Changes, changed
-from selector.figures.traces import Traced, beside_each_other, common_ranges, telling_samples
 from selector.number_text import number_text
 from selector.selection import Selection
 from selector.selection.exploration import HeldOutPart

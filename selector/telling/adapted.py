@@ -135,7 +135,7 @@ def _learnt_table(found: Adaptation) -> account.Table:
 def _drawings(found: Adaptation, drawn: bool) -> list[account.Drawing]:
     if not drawn:
         return []
-    from selector.figures.traces import adapted_run
+    from selector.figures.panels import adapted_run
 
     drawings: list[account.Drawing] = []
     for name, of in found.responses.items():

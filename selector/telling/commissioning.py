@@ -9,7 +9,7 @@ from selector.controllers.model_file import ModelFile, equations_sha256
 from selector.controllers.replay.replayed import CLOCK_S, JUMP_SHARE, NOISE_SHARE, OUTAGE_S, Replay
 from selector.controllers.writers.exported import Exported, SignTest
 from selector.controllers.writers.targets import Target
-from selector.figures.traces import replayed_run
+from selector.figures.panels import replayed_run
 from selector.findings import Finding
 from selector.number_text import number_text
 from selector.telling import account

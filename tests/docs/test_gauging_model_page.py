@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from selector.physics.gauging import model_file as schema
-from selector.physics.gauging import process, transducer
+from selector.physics.gauging import transducer
 from selector.physics.gauging.gauged_grinding import MOST_STEPS
 from selector.physics.model_fields import SectionOf, said_of, unit_in
 from selector.physics.model_text import Entry
@@ -32,13 +32,13 @@ SECTIONS = {
     },
     "`[linear]`": SectionOf[transducer.LinearGauge],
     "`[relay]`": SectionOf[transducer.Relay],
-    "`[grinding]`": SectionOf[process.Grinding],
-    "`[[grinding.stages]]`": inside(SectionOf[process.Grinding], "stages"),
-    "`[surface]`": SectionOf[process.Surface],
-    "`[noise]`": SectionOf[process.Noise],
-    "`[tolerance]`": SectionOf[process.Tolerance],
+    "`[grinding]`": SectionOf[transducer.Grinding],
+    "`[[grinding.stages]]`": inside(SectionOf[transducer.Grinding], "stages"),
+    "`[surface]`": SectionOf[transducer.Surface],
+    "`[noise]`": SectionOf[transducer.Noise],
+    "`[tolerance]`": SectionOf[transducer.Tolerance],
     "`[thresholds]`": schema.ThresholdsSection,
-    "`[correction]`": SectionOf[process.Correction],
+    "`[correction]`": SectionOf[transducer.Correction],
     "`[recorded]`": schema.RecordedSection,
     "`[bounds]`": None,
 }

@@ -10,9 +10,10 @@ from scipy import sparse
 from scipy.linalg import expm
 from scipy.sparse.linalg import spsolve
 
-from selector.physics.thermal.field.mesh import Block, block_mesh
-from selector.physics.thermal.field.thermoelasticity import (
+from selector.physics.thermal.field.mesh import (
     MATERIALS,
+    Block,
+    block_mesh,
     conduction_matrices,
     elastic_matrices,
     elasticity,

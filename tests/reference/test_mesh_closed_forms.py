@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.physics.thermal.field.mesh import Block
-from selector.physics.thermal.field.thermoelasticity import MATERIALS
+from selector.physics.thermal.field.mesh import MATERIALS, Block
 from selector.physics.thermal.field_model import meshed
 from selector.physics.thermal.model_file import read_model_file, stated_laws
 from selector.physics.thermal.network.heat_system import factorised

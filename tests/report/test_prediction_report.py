@@ -104,7 +104,7 @@ def test_the_page_holds_program_blocks_tests_cycle_findings_and_origin(page):
 
 
 def test_modes_have_a_table_with_open_bounds_as_dashes():
-    from selector.physics.thermal.prediction.prediction import Mode
+    from selector.physics.thermal.prediction.answer import Mode
 
     prediction = dataclasses.replace(
         predictions.prediction(), method="modal", modes=(Mode(600.0, 540.0, 660.0), Mode(9000.0, 8000.0, None))

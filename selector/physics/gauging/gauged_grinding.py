@@ -26,7 +26,6 @@ from selector.physics.gauging._part_kernel import (
 )
 from selector.physics.gauging.characteristic import Characteristic, GaugeMotion, GaugeState, simulate_transducer
 from selector.physics.gauging.finding_table import FINDINGS
-from selector.physics.gauging.process import Correction, Grinding, Noise, Surface
 from selector.types import Array, Mask, Vector
 
 _CREST_ROUNDS = 3  #: Peaks change with the allowance by less than a hundredth of what the voltage does.
@@ -62,16 +61,18 @@ class GaugedGrinding:
     """Grinding that a gauge stops."""
 
     gauge: transducers.LinearGauge  #: T_Φ, and the line by which thresholds and formulas go
-    grinding: Grinding
+    grinding: transducers.Grinding
     relay: transducers.Relay = field(default_factory=transducers.Relay)
-    surface: Surface = field(default_factory=Surface)
-    noise: Noise = field(default_factory=Noise)
+    surface: transducers.Surface = field(default_factory=transducers.Surface)
+    noise: transducers.Noise = field(default_factory=transducers.Noise)
     #: What the gauge shows in a simulation; beyond its ends it stays as it is there. None: the line.
     characteristic: Characteristic | None = None
     thresholds_v: tuple[float, ...] = ()  #: One a stage [V]; empty: those of G eq. 23, which then stand here
     #: Ripple of the smoothed voltage: the relay compares its peaks. None: there is none.
     crest: transducers.RippleCrest | None = None
-    correction: Correction | None = None  #: How thresholds follow finished parts that are measured. None: they stay.
+    correction: transducers.Correction | None = (
+        None  #: How thresholds follow finished parts that are measured. None: they stay.
+    )
 
     def __post_init__(self) -> None:
         if not self.thresholds_v:
@@ -131,9 +132,10 @@ FEWEST_SIZES = 2000  #: Parts from which sizes are told, where a file has fewer.
 MOST_STEPS_OF_PART = 3_000_000  #: Half a second, in which nothing hears Ctrl-C.
 
 
-def longest_step_s(filter_s: float, grinding: Grinding, surface: Surface, noise: Noise) -> float:
+def longest_step_s(setup: GaugedGrinding) -> float:
     """The longest step that resolves filter, noise, lag and run-out [s]."""
-    longest = filter_s / STEPS_PER_FILTER
+    grinding, surface, noise = setup.grinding, setup.surface, setup.noise
+    longest = setup.gauge.time_constant_s / STEPS_PER_FILTER
     if noise.sd_um > 0:
         longest = min(longest, 1.0 / (STEPS_PER_CORRELATION * noise.rate_per_s))
     if grinding.lag_s > 0:
@@ -143,7 +145,7 @@ def longest_step_s(filter_s: float, grinding: Grinding, surface: Surface, noise:
     return longest
 
 
-def feeds_s(grinding: Grinding, relay: transducers.Relay, ends_um: Sequence[float]) -> float:
+def feeds_s(grinding: transducers.Grinding, relay: transducers.Relay, ends_um: Sequence[float]) -> float:
     """How long a part of mean allowance takes to these ends of its stages by the feeds alone, and the delays [s].
 
     A stage that ends above where it begins takes no time. The wheel is fresh.
@@ -180,9 +182,7 @@ _NO_TABLE = np.empty(0), 0.0, 1.0  #: That of a line, and of a voltage without r
 
 def steps_per_filter(setup: GaugedGrinding) -> int:
     """Into how many steps T_Φ is cut so that noise, filter, lag and run-out are resolved."""
-    filter_s = setup.gauge.time_constant_s
-    longest = longest_step_s(filter_s, setup.grinding, setup.surface, setup.noise)
-    return max(1, math.ceil(filter_s / longest - 1e-9))
+    return max(1, math.ceil(setup.gauge.time_constant_s / longest_step_s(setup) - 1e-9))
 
 
 def steps_per_part(setup: GaugedGrinding, steps: int | None = None) -> float:

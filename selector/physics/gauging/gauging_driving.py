@@ -26,8 +26,7 @@ from selector.physics.gauging.gauging_model import (
     undecided_findings,
 )
 from selector.physics.gauging.model_file import MOST_ALLOWANCE_UM, finest_s
-from selector.physics.gauging.process import Noise, Surface
-from selector.physics.gauging.transducer import wear_share
+from selector.physics.gauging.transducer import Noise, Surface, wear_share
 from selector.physics.simulation_kind import Progress, unheard
 from selector.recording import Recording
 from selector.types import Vector

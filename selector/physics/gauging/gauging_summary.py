@@ -14,9 +14,8 @@ from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.gauged_grinding import FEWEST_SIZES, FinishedSizes, finished_sizes, usual_steps
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, gauging_model, mattering_um
 from selector.physics.gauging.model_file import checked_model_file
-from selector.physics.gauging.process import mean_surface_um, smoothed_surface
 from selector.physics.gauging.sizes import Capability, SizesByFormula, capability, on_line, sizes_by_formula
-from selector.physics.gauging.transducer import LinearGauge
+from selector.physics.gauging.transducer import LinearGauge, mean_surface_um, smoothed_surface
 from selector.physics.model_text import plain_values
 from selector.physics.simulation_kind import Progress, unheard
 

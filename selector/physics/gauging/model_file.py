@@ -11,8 +11,18 @@ from pydantic import Field
 from selector.number_text import round_below
 from selector.physics import model_text
 from selector.physics.gauging.gauged_grinding import feeds_s
-from selector.physics.gauging.process import Correction, Grinding, Noise, Stage, Surface, Tolerance
-from selector.physics.gauging.transducer import LinearGauge, Relay, Transducer, wear_share
+from selector.physics.gauging.transducer import (
+    Correction,
+    Grinding,
+    LinearGauge,
+    Noise,
+    Relay,
+    Stage,
+    Surface,
+    Tolerance,
+    Transducer,
+    wear_share,
+)
 from selector.physics.model_fields import Fit, Number, SectionOf, Unit, given, numbers_of, refusals, value_of
 
 MOST_ALLOWANCE_UM = 1e6  #: In recordings: allowances and sizes [µm].

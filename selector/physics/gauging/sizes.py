@@ -8,8 +8,14 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from selector.physics.gauging.gauged_grinding import GaugedGrinding, spread_freedoms, worth
-from selector.physics.gauging.process import Tolerance, mean_surface_um, smoothed_surface, surface_um
-from selector.physics.gauging.transducer import voltage_variance_v2, wear_share
+from selector.physics.gauging.transducer import (
+    Tolerance,
+    mean_surface_um,
+    smoothed_surface,
+    surface_um,
+    voltage_variance_v2,
+    wear_share,
+)
 
 _TURNS, _HALVINGS, _DEPTHS, _WAVE = 61, 50, 4, 4096
 _DELAYS, _NOISES = np.polynomial.laguerre.laggauss(12), np.polynomial.hermite_e.hermegauss(9)

@@ -12,19 +12,31 @@ from scipy.spatial import cKDTree
 from selector.errors import InputError, ModelFileError, OptionError
 from selector.physics.model_text import Key, key_text, unknown_name
 from selector.physics.thermal import model_file
-from selector.physics.thermal.field import machine as machines
-from selector.physics.thermal.field.candidates import sensor_candidates, surface_candidates
 from selector.physics.thermal.field.geometry import MachineGeometry
-from selector.physics.thermal.field.mesh import Point, SolidMesh, probe_row
-from selector.physics.thermal.field.mesh_file import WHOLE, NamedMesh, named_mesh, refused
-from selector.physics.thermal.field.thermoelasticity import (
+from selector.physics.thermal.field.machine import (
+    SENSORS,
+    Physics,
+    VirtualMachine,
+    field_system,
+    film_sets,
+    machine_laws,
+    parts_beside,
+    sensor_candidates,
+    surface_candidates,
+    virtual_machining_centre,
+)
+from selector.physics.thermal.field.mesh import (
     MATERIALS,
     Material,
+    Point,
+    SolidMesh,
     elasticity,
     elasticity_to_keep,
+    probe_row,
     rigid_motion_reading,
     rigid_motions,
 )
+from selector.physics.thermal.field.mesh_file import WHOLE, NamedMesh, named_mesh, refused
 from selector.physics.thermal.network.heat_system import Conditions, FilmLaw, HeatSystem, Laws, reduced_basis
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.schedule import condensed
@@ -36,7 +48,7 @@ def mesh_of(file: model_file.MeshFile) -> NamedMesh:
     return named_mesh(Path(file.mesh.file), {"m": 1.0, "mm": 1e-3}[file.mesh.unit], file.mesh.order)
 
 
-def meshed(file: model_file.MeshFile, laws: Laws) -> machines.VirtualMachine:
+def meshed(file: model_file.MeshFile, laws: Laws) -> VirtualMachine:
     """The machine of a mesh; takes some ten seconds, the same one at once, whatever it goes through.
 
     Raises ModelFileError: the file does not fit the mesh, or a piece of it is not held or not cooled.
@@ -61,14 +73,14 @@ class _Asked:
 
 
 @functools.lru_cache(maxsize=1)
-def _meshed(asked: _Asked) -> machines.VirtualMachine:
+def _meshed(asked: _Asked) -> VirtualMachine:
     """The last machine is kept, as long as its mesh is not written again."""
     file, laws = asked.file, asked.laws
     named = mesh_of(file)
     body, materials = _with_parts(named, file)
     wetted = {name: named.facets(*film.groups, outer=True) for name, film in file.films.items()}
     springs = _springs(named, body, materials, file)
-    _require_whole(body, springs, wetted, machines.film_sets(laws))
+    _require_whole(body, springs, wetted, film_sets(laws))
     sources = {
         name: np.sum([share * named.shares(group) for group, share in source.shares.items()], axis=0)
         for name, source in file.sources.items()
@@ -83,9 +95,9 @@ def _meshed(asked: _Asked) -> machines.VirtualMachine:
     readings = {name: _reading(named, body, name, of) for name, of in file.displacements.items()}
     elastic = elasticity(body, materials, springs)
     rows = {name: elastic.row_um_per_k(reading) for name, reading in readings.items()}
-    system = machines.field_system(body, materials, wetted, sources, probes, rows)
-    basis = reduced_basis(system, machines.film_sets(laws))
-    return machines.VirtualMachine(system, basis, laws, body, materials, springs, elasticity_to_keep(elastic, body))
+    system = field_system(body, materials, wetted, sources, probes, rows)
+    basis = reduced_basis(system, film_sets(laws))
+    return VirtualMachine(system, basis, laws, body, materials, springs, elasticity_to_keep(elastic, body))
 
 
 def _with_parts(named: NamedMesh, file: model_file.MeshFile) -> tuple[SolidMesh, dict[str, Material]]:
@@ -237,13 +249,13 @@ def laws_of(file: model_file.FieldFile) -> Laws:
 
     Raises ModelFileError: the machine has no such source or film, or a source without a lubricant is told to soften.
     """
-    shipped = machines.machine_laws(file.field.physics)
+    shipped = machine_laws(file.field.physics)
     _require_known(file.sources, [law.source for law in shipped.heat], "source", "sources")
     _require_known(file.films, [law.film for law in shipped.films if not law.while_coolant], "film", "films")
     _require_known(
         file.coolant_films, [law.film for law in shipped.films if law.while_coolant], "film", "coolant_films"
     )
-    surfaces = {law.film for law in shipped.films} - machines.parts_beside()[0].heat_capacity_j_per_k.keys()
+    surfaces = {law.film for law in shipped.films} - parts_beside()[0].heat_capacity_j_per_k.keys()
     _require_known(file.cooled, sorted(surfaces), "surface", "cooled")
     heat = []
     for law in shipped.heat:
@@ -290,8 +302,8 @@ def system_of(file: model_file.FieldFile, laws: Laws) -> HeatSystem:
     _require_known(settings.geometry, _LENGTHS, "length", "field", "geometry")
     anywhere = {s.name: s.xyz for s in file.sensors if s.at is None and s.xyz is not None}
     for number, sensor in enumerate(file.sensors):
-        if sensor.name not in anywhere and (sensor.at or sensor.name) not in machines.SENSORS:
-            _refuse_name("place", sensor.at or sensor.name, list(machines.SENSORS), ("sensors", number, "at"))
+        if sensor.name not in anywhere and (sensor.at or sensor.name) not in SENSORS:
+            _refuse_name("place", sensor.at or sensor.name, list(SENSORS), ("sensors", number, "at"))
     machine = field_of(file, laws)
     read = machine.full.displacements
     for number, gauge in enumerate(file.gauges):
@@ -306,20 +318,18 @@ def system_of(file: model_file.FieldFile, laws: Laws) -> HeatSystem:
 
 
 @functools.lru_cache(maxsize=1)
-def _shipped(
-    physics: machines.Physics, geometry: tuple[tuple[str, float], ...], refinement: float
-) -> machines.VirtualMachine:
+def _shipped(physics: Physics, geometry: tuple[tuple[str, float], ...], refinement: float) -> VirtualMachine:
     """The last machine is kept for the next model."""
-    return machines.virtual_machining_centre(physics, geometry=MachineGeometry(**dict(geometry)), refinement=refinement)
+    return virtual_machining_centre(physics, geometry=MachineGeometry(**dict(geometry)), refinement=refinement)
 
 
-def field_of(file: model_file.FieldFile, laws: Laws) -> machines.VirtualMachine:
+def field_of(file: model_file.FieldFile, laws: Laws) -> VirtualMachine:
     """The machine that `system_of` reduces, with the shipped thermometers; at once after it."""
     settings = file.field
     machine = _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
     if laws.films != machine.laws.films:
         # other film coefficients ask for other fields; with the same ones, what was reduced once is kept
-        return dataclasses.replace(machine, laws=laws, basis=reduced_basis(machine.full, machines.film_sets(laws)))
+        return dataclasses.replace(machine, laws=laws, basis=reduced_basis(machine.full, film_sets(laws)))
     found = dataclasses.replace(machine, laws=laws)
     vars(found)["system"] = machine.system
     return found

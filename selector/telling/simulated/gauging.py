@@ -19,8 +19,8 @@ from selector.physics.gauging.gauging_summary import (
     GaugingSummary,
     Setting,
 )
-from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes import CONFIDENCE, Capability, SizesByFormula
+from selector.physics.gauging.transducer import Tolerance
 from selector.telling.account import (
     Account,
     Block,

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from selector.physics.gauging.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.process import Grinding, Noise, Stage, Surface
-from selector.physics.gauging.transducer import LinearGauge, Relay
+from selector.physics.gauging.transducer import Grinding, LinearGauge, Noise, Relay, Stage, Surface
 
 GAUGE = LinearGauge(-0.01, 3.0, 0.05)
 TWO_STAGES = Grinding(22.0, (Stage(20.0, 12.0), Stage(5.0, 2.0)), allowance_sd_um=1.0)

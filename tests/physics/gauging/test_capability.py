@@ -12,8 +12,8 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from selector.physics.gauging.gauged_grinding import spread_freedoms, worth
-from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes import capability
+from selector.physics.gauging.transducer import Tolerance
 
 LIMITS = Tolerance(-3.0, 3.0)
 

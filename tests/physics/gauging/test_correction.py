@@ -11,8 +11,8 @@ import pytest
 from selector.errors import InputError
 from selector.physics.gauging.characteristic import Characteristic
 from selector.physics.gauging.gauged_grinding import finished_sizes, part_course
-from selector.physics.gauging.process import Correction, Grinding, Noise, Stage
 from selector.physics.gauging.sizes import sizes_by_formula
+from selector.physics.gauging.transducer import Correction, Grinding, Noise, Stage
 from tests.physics.gauging.set_ups import set_up
 
 WORN = Grinding(20.0, (Stage(5.0, 2.0),), probe_wear_um_per_part=0.02)

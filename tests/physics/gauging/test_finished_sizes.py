@@ -16,8 +16,7 @@ from selector.errors import InputError
 from selector.physics.gauging import _part_kernel as kernel
 from selector.physics.gauging.characteristic import Characteristic
 from selector.physics.gauging.gauged_grinding import finished_sizes, part_course, part_plan, steps_per_filter
-from selector.physics.gauging.process import Grinding, Noise, Stage, Surface, smoothed_surface
-from selector.physics.gauging.transducer import LinearGauge, Relay
+from selector.physics.gauging.transducer import Grinding, LinearGauge, Noise, Relay, Stage, Surface, smoothed_surface
 from tests.physics.gauging.mean_course import mean_allowance_um, mean_voltage_v
 from tests.physics.gauging.set_ups import GAUGE, TWO_STAGES, set_up
 

@@ -13,7 +13,7 @@ from selector.physics.channel_differences import channel_differences
 from selector.physics.gauging.gauging_driving import driven_runs
 from selector.physics.gauging.gauging_model import gauging_model
 from selector.physics.gauging.model_file import checked_model_file
-from selector.physics.gauging.process import Surface, smoothed_surface
+from selector.physics.gauging.transducer import Surface, smoothed_surface
 from selector.recording import Channel, Recording
 from tests.physics.gauging.test_model_file import LINEAR, changed
 

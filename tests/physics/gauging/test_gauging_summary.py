@@ -14,9 +14,8 @@ from selector.physics.gauging.gauged_grinding import FEWEST_SIZES, GaugedGrindin
 from selector.physics.gauging.gauging_model import gauging_model
 from selector.physics.gauging.gauging_summary import gauging_summary
 from selector.physics.gauging.model_file import checked_model_file, read_model_file
-from selector.physics.gauging.process import Grinding, Noise, Stage
 from selector.physics.gauging.sizes import sizes_by_formula
-from selector.physics.gauging.transducer import LinearGauge, Relay
+from selector.physics.gauging.transducer import Grinding, LinearGauge, Noise, Relay, Stage
 from selector.physics.model_text import plain_values
 from tests.physics.gauging.quick_trials import shorten_trials
 from tests.physics.gauging.test_model_file import LINEAR, changed

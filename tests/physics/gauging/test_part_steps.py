@@ -8,7 +8,7 @@ from selector.errors import InputError
 from selector.physics.gauging.gauged_grinding import MOST_STEPS_OF_PART, finished_sizes, steps_per_part
 from selector.physics.gauging.gauging_model import gauging_model
 from selector.physics.gauging.model_file import checked_model_file
-from selector.physics.gauging.process import Grinding, Noise, Stage
+from selector.physics.gauging.transducer import Grinding, Noise, Stage
 from tests.physics.gauging.set_ups import set_up
 from tests.physics.gauging.test_model_file import LINEAR, changed
 from tests.work import counted_calls

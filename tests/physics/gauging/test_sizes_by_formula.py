@@ -14,9 +14,8 @@ import pytest
 
 from selector.physics.gauging.characteristic import Characteristic
 from selector.physics.gauging.gauged_grinding import finished_sizes
-from selector.physics.gauging.process import Grinding, Noise, Stage, Surface
 from selector.physics.gauging.sizes import sizes_by_formula
-from selector.physics.gauging.transducer import Relay, RippleCrest
+from selector.physics.gauging.transducer import Grinding, Noise, Relay, RippleCrest, Stage, Surface
 from tests.physics.gauging.set_ups import GAUGE, TWO_STAGES, set_up
 
 ERRORS = 4.0

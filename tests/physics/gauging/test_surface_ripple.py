@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from selector.physics.gauging.process import Surface, mean_surface_um, smoothed_surface, surface_um
+from selector.physics.gauging.transducer import Surface, mean_surface_um, smoothed_surface, surface_um
 
 SURFACES = [
     Surface(150.0, runout_um=2.0),

@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 from scipy import integrate
 
 from selector.errors import InputError
-from selector.physics.gauging.process import Grinding, Noise, Stage
 from selector.physics.gauging.transducer import (
+    Grinding,
     LinearGauge,
+    Noise,
     Relay,
+    Stage,
     removal_rate_um_per_s,
     stage_thresholds_v,
     threshold_v,

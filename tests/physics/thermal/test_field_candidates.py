@@ -7,8 +7,8 @@ import pytest
 
 from selector.errors import ModelFileError
 from selector.physics.model_text import plain_values
-from selector.physics.thermal.field.candidates import sensor_candidates
 from selector.physics.thermal.field.geometry import MachineGeometry
+from selector.physics.thermal.field.machine import sensor_candidates
 from selector.physics.thermal.field_model import with_candidates
 from selector.physics.thermal.model_file import checked_model_file
 from selector.physics.thermal.network.heat_system import Conditions

@@ -9,11 +9,10 @@ import pytest
 
 from selector.errors import InputError
 from selector.physics.thermal import field_model
-from selector.physics.thermal.field import thermoelasticity
+from selector.physics.thermal.field import mesh
 from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field.machine import displacement_readings
-from selector.physics.thermal.field.mesh import probe_row
-from selector.physics.thermal.field.thermoelasticity import Elasticity, elasticity, elasticity_to_keep
+from selector.physics.thermal.field.mesh import Elasticity, elasticity, elasticity_to_keep, probe_row
 from selector.physics.thermal.field_model import field_moment, field_of, laws_of
 from selector.physics.thermal.model_file import FieldFile, parsed_model_file
 from selector.physics.thermal.schedule import scheduled
@@ -84,7 +83,7 @@ def test_large_factors_are_not_kept(run, monkeypatch):
     machine = field_of(run[0], laws_of(run[0]))
     elastic = Elasticity(*[None] * 3)
     assert elasticity_to_keep(elastic, machine.mesh) is elastic
-    monkeypatch.setattr(thermoelasticity, "KEPT_NODES", len(machine.mesh.nodes_m) - 1)
+    monkeypatch.setattr(mesh, "KEPT_NODES", len(machine.mesh.nodes_m) - 1)
     assert elasticity_to_keep(elastic, machine.mesh) is None
 
 

@@ -19,8 +19,7 @@ from selector.physics.thermal import field_model
 from selector.physics.thermal.field import field_machine
 from selector.physics.thermal.field.geometry import feet, heated_parts, heated_surfaces, surfaces
 from selector.physics.thermal.field.machine import FOOT_N_PER_M, film_sets
-from selector.physics.thermal.field.mesh import Block
-from selector.physics.thermal.field.thermoelasticity import elasticity
+from selector.physics.thermal.field.mesh import Block, elasticity
 from selector.physics.thermal.field_model import field_moment, mesh_of, meshed, with_candidates
 from selector.physics.thermal.model_file import read_model_file, stated_laws
 from selector.physics.thermal.network.heat_system import Conditions, factorised

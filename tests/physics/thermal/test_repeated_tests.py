@@ -7,8 +7,8 @@ import pytest
 
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.modes.thermal_test import ThermalTest
+from selector.physics.thermal.prediction.answer import modal_repeats, piecewise_repeats
 from selector.physics.thermal.prediction.piecewise import characteristics
-from selector.physics.thermal.prediction.tests_judged import modal_repeats, piecewise_repeats
 from tests.physics.thermal.segments import of_segments
 
 NOISE_UM = 0.2

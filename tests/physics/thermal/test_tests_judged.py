@@ -10,14 +10,14 @@ import pytest
 from selector.errors import InputError
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.modes.thermal_test import ThermalTest
-from selector.physics.thermal.prediction.prediction import predict
-from selector.physics.thermal.prediction.tests_judged import (
+from selector.physics.thermal.prediction.answer import (
     RepeatedTest,
     contradiction_findings,
     movement_findings,
     speed_findings,
     warm_start_findings,
 )
+from selector.physics.thermal.prediction.prediction import predict
 from tests.physics.thermal.mode_machines import RESPONSES, heat_and_cool, modal_machine, recorded
 from tests.physics.thermal.segments import of_segments
 

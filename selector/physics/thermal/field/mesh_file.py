@@ -11,8 +11,7 @@ import numpy as np
 
 from selector.errors import ModelFileError
 from selector.physics.model_text import unknown_name
-from selector.physics.thermal.field.mesh import SolidMesh
-from selector.physics.thermal.field.thermoelasticity import film, surface_source, volume_source
+from selector.physics.thermal.field.mesh import SolidMesh, film, surface_source, volume_source
 from selector.text_file import bytes_of
 from selector.types import Array, Indices, Vector
 

@@ -227,17 +227,8 @@ def _refuse_curve(found: str, expected: str) -> None:
     )
 
 
-_HEADINGS = [
-    "response",
-    "operation",
-    "correction",
-    "start_min",
-    "duration_min",
-    "step_um",
-    "offset_um",
-    "step_mm",
-    "offset_mm",
-]
+_HEADINGS = ["response", "operation", "correction", "start_min", "duration_min"]
+_HEADINGS += ["step_um", "offset_um", "step_mm", "offset_mm"]
 
 
 def notation(operation: Operation) -> str:

@@ -13,16 +13,7 @@ from selector.physics.thermal.finding_table import FINDINGS
 from selector.physics.thermal.modes.heldout import AT_MOST, LeftOutTests
 from selector.physics.thermal.modes.modes import AmbientCourse, Cyclogram, ModalModel, cyclogram_kind
 from selector.physics.thermal.modes.thermal_test import ThermalTest
-from selector.physics.thermal.prediction import tests_judged
-from selector.physics.thermal.prediction.answer import (
-    Answer,
-    Asked,
-    Mode,
-    Start,
-    driven_answer,
-    gain_findings,
-    modes_of,
-)
+from selector.physics.thermal.prediction import answer as answers
 from selector.physics.thermal.prediction.correction_program import (
     BestOrder,
     BestWarmUp,
@@ -59,19 +50,19 @@ class Prediction:
     #: (n_times,): Times [s] from the start of the duty cycle, so close that between them the course is a straight line
     time_s: Vector
     displacement_um: Vector  #: (n_times, n_responses): Predicted displacement [µm]
-    modes: tuple[Mode, ...]  #: Time constants of the modal method; empty for the piecewise one, which has none
+    modes: tuple[answers.Mode, ...]  #: Time constants of the modal method; empty for the piecewise one, which has none
     programs: Mapping[str, CorrectionProgram]  #: Correction program of every response; empty if none was asked for
     #: residual_um and heldout_um: (n_responses,): RMS error on the tests that were fitted, and on tests that were left
     #: out [µm]
     residual_um: Vector | None
     heldout_um: Vector | None
     findings: tuple[Finding, ...]  #: What to know about it
-    repeats: tuple[tests_judged.RepeatedTest, ...] = ()  #: The tests beside what the method makes of them
+    repeats: tuple[answers.RepeatedTest, ...] = ()  #: The tests beside what the method makes of them
     #: (n_responses,): RMS error that is expected in this duty cycle [µm]; None if it cannot be told
     claimed_um: Vector | None = None
     #: Test → (n_responses,): RMS error from its start when it was left out [µm]; those alone that could be judged
     left_out_um: Mapping[str, Vector] = field(default_factory=dict)
-    start: Start = "cold"  #: {"cold", "tests"}: Whether it begins cold and at rest, or where the tests end
+    start: answers.Start = "cold"  #: {"cold", "tests"}: Whether it begins cold and at rest, or where the tests end
     temperatures: tuple[str, ...] = ()  #: Responses that are temperatures: for them all µm are K
     warm_up: BestWarmUp | None = None  #: The warm-up that leaves the fewest corrections, if it was asked for
     order: BestOrder | None = None  #: The order of operations that needs the fewest corrections, if it was asked for
@@ -192,7 +183,7 @@ def cyclogram_of_rows(
 
 def predict(
     tests: Sequence[ThermalTest], responses: Sequence[str], cyclogram: Cyclogram, *,
-    method: Method = "modal", hall: AmbientCourse | None = None, start: Start | None = None,
+    method: Method = "modal", hall: AmbientCourse | None = None, start: answers.Start | None = None,
     operations_s: Sequence[float] | None = None, tolerance_um: Tolerance | None = None,
     resolution_s: float | None = None, find_order: bool = False, warm_up_s: float = 0.0,
     temperatures: Sequence[str] = (), readings: DayReadings | None = None, told: Sequence[Finding] = (),
@@ -218,10 +209,10 @@ def predict(
             advice="name a response that is predicted",
         )  # fmt: skip
     usable, findings = _usable(tests, responses)
-    findings += tests_judged.movement_findings(usable, responses)
-    findings += tests_judged.speed_findings(usable, cyclogram)
+    findings += answers.movement_findings(usable, responses)
+    findings += answers.speed_findings(usable, cyclogram)
     units = tuple("K" if name in temperatures else "µm" for name in responses)
-    ask = Asked(tuple(usable), tuple(responses), cyclogram, hall, start, units)
+    ask = answers.Asked(tuple(usable), tuple(responses), cyclogram, hall, start, units)
     answer = _modal(ask) if method == "modal" else _piecewise(ask)
     findings += answer.findings
     findings += _halls_not_used(ask, answer)
@@ -261,32 +252,32 @@ def predict(
     )  # fmt: skip
 
 
-def _modal(ask: Asked) -> Answer:
+def _modal(ask: answers.Asked) -> answers.Answer:
     """By modes that the hall drives too, or that run on through a long record; else by those of cold tests."""
     from selector.physics.thermal.modes.driven_model import driven_model
 
     driven = driven_model(ask.tests, ask.responses, whatever=ask.start == "tests")
     if driven is not None:
-        return driven_answer(driven, ask)
+        return answers.driven_answer(driven, ask)
     from selector.physics.thermal.modes.choice import choose_modes
 
     fit, cycle = choose_modes(ask.tests, ask.responses), ask.cyclogram
-    repeats = tests_judged.modal_repeats(ask.tests, fit.model, warm=fit.warm)
+    repeats = answers.modal_repeats(ask.tests, fit.model, warm=fit.warm)
     findings = [
-        *tests_judged.warm_start_findings(ask.tests, ask.responses),
+        *answers.warm_start_findings(ask.tests, ask.responses),
         *fit.findings,
-        *tests_judged.longer_than_tests(ask.tests, cycle),
-        *tests_judged.contradiction_findings(ask.tests, repeats, ask.responses),
+        *answers.longer_than_tests(ask.tests, cycle),
+        *answers.contradiction_findings(ask.tests, repeats, ask.responses),
     ]
     left_out = fit.left_out
     if left_out is not None:
         time = np.linspace(0.0, cycle.end_s, 200)
         moves = _rms(fit.model.displacement_um(cycle, time), time)
-        findings += gain_findings(ask, moves, left_out.claimed_um(moves), AT_MOST)
-    return Answer(
+        findings += answers.gain_findings(ask, moves, left_out.claimed_um(moves), AT_MOST)
+    return answers.Answer(
         course=fit.model.displacement_um,
         findings=tuple(findings),
-        modes=modes_of(fit.model.tau_s, fit.tau_low_s, fit.tau_high_s),
+        modes=answers.modes_of(fit.model.tau_s, fit.tau_low_s, fit.tau_high_s),
         residual_um=fit.residual_um,
         heldout_um=fit.heldout_um,
         error_um=None if left_out is None else partial(_expected_um, left_out, fit.model, cycle),
@@ -301,27 +292,27 @@ def _expected_um(left_out: LeftOutTests, model: ModalModel, cycle: Cyclogram, ti
     return np.broadcast_to(left_out.claimed_um(_rms(course, time_s)), course.shape)
 
 
-def _piecewise(ask: Asked) -> Answer:
+def _piecewise(ask: answers.Asked) -> answers.Answer:
     if ask.start == "tests":
         raise OptionError(
             "pieces of characteristics that begin warm", expected="a duty cycle that begins cold", where="--start",
             advice="take the modal method, or leave --start out",
         )  # fmt: skip
     curves = characteristics(ask.tests, ask.responses)
-    repeats = tuple(tests_judged.piecewise_repeats(ask.tests, curves))
+    repeats = tuple(answers.piecewise_repeats(ask.tests, curves))
     findings = [
-        *tests_judged.warm_start_findings(ask.tests, ask.responses),
+        *answers.warm_start_findings(ask.tests, ask.responses),
         *piecewise_displacement_um(curves, ask.cyclogram, np.array([ask.cyclogram.end_s]))[1],
-        *tests_judged.contradiction_findings(ask.tests, repeats, ask.responses),
+        *answers.contradiction_findings(ask.tests, repeats, ask.responses),
     ]
-    return Answer(
+    return answers.Answer(
         course=lambda cycle, time: piecewise_displacement_um(curves, cycle, time)[0],
         findings=tuple(findings),
         repeats=repeats,
     )
 
 
-def _halls_not_used(ask: Asked, answer: Answer) -> Iterator[Finding]:
+def _halls_not_used(ask: answers.Asked, answer: answers.Answer) -> Iterator[Finding]:
     for name in () if ask.hall is None else ask.hall.names:
         if name not in answer.ambients:
             yield FINDINGS.finding(
@@ -331,7 +322,7 @@ def _halls_not_used(ask: Asked, answer: Answer) -> Iterator[Finding]:
             )  # fmt: skip
 
 
-def _observed(ask: Asked, answer: Answer, readings: DayReadings) -> Observed:
+def _observed(ask: answers.Asked, answer: answers.Answer, readings: DayReadings) -> Observed:
     """The day as its thermometers have it, weighed by how well the tests' readings of them are repeated."""
     if not answer.modes:
         raise OptionError(

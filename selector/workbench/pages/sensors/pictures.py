@@ -7,8 +7,15 @@ from typing import Any
 import plotly.graph_objects as go
 
 from selector.figures import proof, style
-from selector.figures.grouping import CutShown, group_colours, tree_changes, tree_picture, tree_title
-from selector.figures.places import machine_changes, machine_picture
+from selector.figures.grouping import (
+    CutShown,
+    group_colours,
+    machine_changes,
+    machine_picture,
+    tree_changes,
+    tree_picture,
+    tree_title,
+)
 from selector.figures.style import Changes, changed
 from selector.number_text import number_text
 from selector.selection.exploration import HeldOutPart

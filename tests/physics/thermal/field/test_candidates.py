@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from selector.errors import OptionError
 from selector.physics.thermal.field import machine_outline
-from selector.physics.thermal.field.candidates import ACCESSIBLE, FOOT_M, MOST_CANDIDATES, ROOM_M, sensor_candidates
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks, surfaces
+from selector.physics.thermal.field.machine import ACCESSIBLE, FOOT_M, MOST_CANDIDATES, ROOM_M, sensor_candidates
 from selector.physics.thermal.field.mesh import block_mesh
 from selector.physics.thermal.model_file import MOST_SENSORS, CandidatesSection
 

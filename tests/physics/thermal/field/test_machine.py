@@ -22,8 +22,7 @@ from selector.physics.thermal.field.geometry import (
     surfaces,
 )
 from selector.physics.thermal.field.machine import CELL_M, displacement_readings
-from selector.physics.thermal.field.mesh import block_mesh
-from selector.physics.thermal.field.thermoelasticity import MATERIALS, rigid_motions
+from selector.physics.thermal.field.mesh import MATERIALS, block_mesh, rigid_motions
 from selector.physics.thermal.network.heat_system import solver_of
 
 COARSE = 0.2

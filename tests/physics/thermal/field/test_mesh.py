@@ -8,11 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError, OptionError
-from selector.physics.thermal.field.mesh import VOID, Block, block_mesh, probe_row
-from selector.physics.thermal.field.thermoelasticity import (
+from selector.physics.thermal.field.mesh import (
     MATERIALS,
+    VOID,
+    Block,
+    block_mesh,
     conduction_matrices,
     film,
+    probe_row,
     surface_source,
     volume_source,
 )

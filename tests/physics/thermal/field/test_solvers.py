@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.physics.thermal.field.mesh import Block, block_mesh
-from selector.physics.thermal.field.thermoelasticity import (
+from selector.physics.thermal.field.mesh import (
     MATERIALS,
     MULTIGRID_TOLERANCE,
+    Block,
+    block_mesh,
     elastic_matrices,
     elasticity,
     rigid_motions,
@@ -55,7 +56,7 @@ def test_the_free_body_resists_no_rigid_motion():
 
 def test_multigrid_that_does_not_converge_says_so(monkeypatch):
     body = angle()
-    monkeypatch.setattr("selector.physics.thermal.field.thermoelasticity.MULTIGRID_TOLERANCE", 1e-40)
+    monkeypatch.setattr("selector.physics.thermal.field.mesh.MULTIGRID_TOLERANCE", 1e-40)
     elastic = elasticity(body, MATERIALS, on_springs(body), direct=False)
     with pytest.raises(ArithmeticError, match="conjugate gradients"):
         elastic.displacement_um(np.ones(len(body.nodes_m)))
