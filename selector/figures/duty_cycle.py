@@ -49,7 +49,10 @@ def duty_cycle(prediction: Prediction, response: str) -> go.Figure:
         marks = [operation.start_s for operation in program.operations[1:]]
     drawn = stacked(title, panels, end_s, marks)
     if program is not None and len(program.operations) > 1:
-        _number_operations(drawn, program, seconds)
+        for number, operation in enumerate(program.operations, start=1):
+            text, place = f"operation {number}" if number == 1 else f"{number}", {"yref": "paper", "yanchor": "bottom"}
+            at = operation.start_s / seconds
+            drawn.add_annotation(style.words(text, at, 1.0, style.MUTED, 11, xanchor="left", **place))
     return drawn
 
 
@@ -106,10 +109,3 @@ def _corrections(program: CorrectionProgram) -> str:
     zeros = len(program.operations)
     new = f"the zero{'s' * (zeros > 1)} of {zeros} operation{'s' * (zeros > 1)}"
     return f"{count} correction{'s' * (count != 1)} and {new}" if count else f"{new} alone"
-
-
-def _number_operations(drawn: go.Figure, program: CorrectionProgram, seconds: float) -> None:
-    for number, operation in enumerate(program.operations, start=1):
-        text, place = f"operation {number}" if number == 1 else f"{number}", {"yref": "paper", "yanchor": "bottom"}
-        text_at = style.words(text, operation.start_s / seconds, 1.0, style.MUTED, 11, xanchor="left", **place)
-        drawn.add_annotation(text_at)

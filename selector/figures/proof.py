@@ -226,7 +226,10 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
         value for value in (*error, achieved, *ways.values(), *fixed.values(), *(y for _, y, _ in single)) if value > 0
     ]
     drawn.update_xaxes(title_text="sensors [–]", range=[0.5, last], dtick=1, showgrid=False)
-    drawn.update_yaxes(title_text=f"error of {style.label(response, 14)}<br>rms [µm]", **_value_axis(values))
+    low, high = min(values, default=0.0), max(values, default=1.0)
+    is_near = low <= 0 or high / low < _ONE_FROM
+    axis = {"rangemode": "tozero"} if is_near else style.log_axis(0.8 * low, 1.25 * high)
+    drawn.update_yaxes(title_text=f"error of {style.label(response, 14)}<br>rms [µm]", **axis)
     drawn.update_layout(margin={"b": 110}, legend={"yref": "container", "y": 0.0, "yanchor": "bottom"})
     return drawn
 
@@ -266,11 +269,3 @@ def _drawn_samples(traces: Sequence[Trace], j: int) -> tuple[Array, Array, Array
         measured += [trace.measured_um[keep, j], [np.nan]]
         predicted += [trace.predicted_um[keep, j], [np.nan]]
     return np.concatenate(times)[:-1], np.concatenate(measured)[:-1], np.concatenate(predicted)[:-1]
-
-
-def _value_axis(values: Sequence[float]) -> dict[str, object]:
-    """A linear axis from zero, or a logarithmic one where values part by more than a factor of eight."""
-    low, high = min(values, default=0.0), max(values, default=1.0)
-    if low <= 0 or high / low < _ONE_FROM:
-        return {"rangemode": "tozero"}
-    return style.log_axis(0.8 * low, 1.25 * high)

@@ -218,7 +218,8 @@ def invalid(
         key, held = (*key, "kind"), held.get("kind")
     place, more = f"{where}, key {key_text(key)}", _also(others)
     if first["type"] == "extra_forbidden":
-        known = _keys_at(schema, first["loc"][:-1])
+        fields = (one for entry in _entries_at(schema, first["loc"][:-1]) for one in entry.model_fields.items())
+        known = list(dict.fromkeys(field.alias or name for name, field in fields))
         near = _closest(str(key[-1]), known)
         elsewhere = [name for name, other in (kinds or {}).items() if len(key) == 1 and key[0] in other.model_fields]
         advice = (
@@ -387,12 +388,6 @@ def _header_at(schema: type[BaseModel], path: Sequence[str | int], key: Key) -> 
             header = f"[{key_text(key)}{'.NAME' if origin is dict else ''}]"
             return f"[{header}]" if origin is tuple else header
     return ""
-
-
-def _keys_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[str]:
-    """Keys that the section at this path may have."""
-    fields = (one for entry in _entries_at(schema, path) for one in entry.model_fields.items())
-    return list(dict.fromkeys(field.alias or name for name, field in fields))
 
 
 def _entries_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[type[BaseModel]]:

@@ -168,7 +168,12 @@ def loop_figures(axis: Axis) -> LoopFigures:
     poles = closed_loop.loop_poles(axis)
     if len(closed_loop.growing_poles(poles)):
         return LoopFigures(*[math.nan] * 5)
-    frequency_hz = _frequencies_hz(axis, poles)
+    # frequencies that miss nothing: 4000 over all that the poles ask for, and those of the poles
+    size, own_hz = np.abs(poles), np.abs(poles.imag) / (2.0 * math.pi)
+    highest_hz = min(20.0 * float(size.max()), closed_loop.nyquist_rad_per_s(axis)) / (2.0 * math.pi)
+    lowest_hz = 1e-3 * float(size[size > 0].min()) / (2.0 * math.pi)
+    frequency_hz = np.unique(np.concatenate([np.geomspace(lowest_hz, highest_hz, 4000), own_hz[own_hz > lowest_hz]]))
+    frequency_hz = frequency_hz[frequency_hz < highest_hz]
     peak, peak_hz, bandwidth_hz = _resonance(axis, frequency_hz)
     # from the response itself: crossings of polynomials are too inexact in z, and where numbers are far apart
     rad = 2.0 * math.pi * frequency_hz
@@ -176,7 +181,10 @@ def loop_figures(axis: Axis) -> LoopFigures:
     near = _near_crossover(response)
     opened = control.frd(response[near], rad[near], smooth=True)
     phase_deg = float(control.stability_margins(opened)[1])
-    return LoopFigures(bandwidth_hz, peak, peak_hz, _gain_margin_db(axis, poles), phase_deg)
+    # the nearest factor on the position gain with which the loop is at the edge
+    factors = [one.factor for one in gain_crossings(axis, "position_gain_per_s", poles)]
+    gain_db = 20.0 * math.log10(min(factors, key=lambda factor: abs(math.log(factor)), default=math.inf))
+    return LoopFigures(bandwidth_hz, peak, peak_hz, gain_db, phase_deg)
 
 
 def _near_crossover(response: Complex) -> Mask:
@@ -215,12 +223,6 @@ def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:
     return replace(axis, mechanics=replace(axis.mechanics, **values), compliance=compliance)
 
 
-def _gain_margin_db(axis: Axis, poles: Complex) -> float:
-    """Nearest factor on the position gain with which the loop is at the edge [dB]."""
-    factors = [one.factor for one in gain_crossings(axis, "position_gain_per_s", poles)]
-    return 20.0 * math.log10(min(factors, key=lambda factor: abs(math.log(factor)), default=math.inf))
-
-
 def _resonance(axis: Axis, frequency_hz: Array) -> tuple[float, float, float]:
     """Largest amplitude, where, and the first frequency 3 dB below the amplitude at rest."""
     amplitude = np.abs(frequency_response(axis, frequency_hz))
@@ -234,16 +236,6 @@ def _resonance(axis: Axis, frequency_hz: Array) -> tuple[float, float, float]:
     if amplitude[highest] <= 1.0 + 1e-9:
         return 1.0, 0.0, bandwidth_hz
     return float(amplitude[highest]), float(frequency_hz[highest]), bandwidth_hz
-
-
-def _frequencies_hz(axis: Axis, poles: Complex) -> Array:
-    """Frequencies that miss nothing: 4000 over all that the poles ask for, and those of the poles."""
-    size = np.abs(poles)
-    highest_hz = min(20.0 * float(size.max()), closed_loop.nyquist_rad_per_s(axis)) / (2.0 * math.pi)
-    lowest_hz = 1e-3 * float(size[size > 0].min()) / (2.0 * math.pi)
-    near = np.abs(poles.imag) / (2.0 * math.pi)
-    frequency_hz = np.unique(np.concatenate([np.geomspace(lowest_hz, highest_hz, 4000), near[near > lowest_hz]]))
-    return np.asarray(frequency_hz[frequency_hz < highest_hz])
 
 
 LEAST_GAIN_MARGIN_DB, LEAST_PHASE_MARGIN_DEG = 6.0, 20.0

@@ -187,10 +187,6 @@ class _Rounds(NamedTuple):
             raise refusal(ended, self.transducer)
         return out
 
-    def affordable(self, rounds: int) -> int:
-        """So many rounds, or fewer where they take many steps."""
-        return int(min(max(_STEPS * self.effort[1] // self.effort[0], 2 * _BATCHES), rounds))
-
     @property
     def moving(self) -> list[int]:
         """States that act on the motion; voltages follow it."""
@@ -239,7 +235,8 @@ def _lasting(transducer: Transducer, allowance_um: float | None, start: GaugeSta
     summing[at.RATE], summing[at.LEAK] = 1.0 / round_s(transducer), 0.0
     swing = _Rounds(transducer, summing, plane, np.zeros(2, dtype=np.int64))
     state, repeats = _settled(swing, _states(summing, replace(start, probe_m=min(start.probe_m, plane))))
-    ran = repeats or swing.affordable(IRREGULAR_ROUNDS)
+    # an irregular one for fewer rounds where they take many steps
+    ran = repeats or int(min(max(_STEPS * swing.effort[1] // swing.effort[0], 2 * _BATCHES), IRREGULAR_ROUNDS))
     state[at.U] = _settled_voltage(swing, state, ran)
     out = swing.run(state, ran)
     mean_v = float(out[:, at.S].mean())

@@ -76,18 +76,14 @@ def voltage_course(
         met += lfilter([1.0], [1.0, -math.exp(-noise.rate_per_s * step_s)], drawn)
     fed, began = voltage_at(met), float(voltage_at(allowance[:1])[0])
     if surface.grooves > 0:
-        share, deep = _groove_share(surface, turn), voltage_at(met - surface.groove_depth_um)
+        # which part of the way around each point, half a step to either side, lies in grooves
+        half = 0.5 * (turn[1] - turn[0])
+        edges = surface.grooves * np.append(turn - half, turn[-1] + half)
+        passed = np.floor(edges) * surface.groove_share + np.minimum(np.mod(edges, 1.0), surface.groove_share)
+        share, deep = np.diff(passed) / (2.0 * half * surface.grooves), voltage_at(met - surface.groove_depth_um)
         fed = fed + share * (deep - fed)
         began += surface.groove_share * (float(voltage_at(allowance[:1] - surface.groove_depth_um)[0]) - began)
     return np.interp(time_s, grid_s, _smoothed(fed, step_s / filter_s, began))
-
-
-def _groove_share(surface: Surface, turn: Vector) -> Vector:
-    """Which part of the way around each point of an even grid, half a step to either side, lies in grooves."""
-    half = 0.5 * (turn[1] - turn[0])
-    edges = surface.grooves * np.append(turn - half, turn[-1] + half)
-    passed = np.floor(edges) * surface.groove_share + np.minimum(np.mod(edges, 1.0), surface.groove_share)
-    return np.diff(passed) / (2.0 * half * surface.grooves)
 
 
 def _smoothed(fed: Vector, share: float, began: float) -> Vector:
@@ -188,11 +184,14 @@ def driven_runs(
             random = np.random.default_rng(sources[number]) if sources else None
             voltage = _shown_v(model, time_s, allowance, random)
         findings += said
+        # the relay compares the peaks of the ripple, those on a whole surface
+        compared = voltage if model.crest is None else voltage + model.crest.crest_at(allowance, model.values.filter_s)
+        passed = np.searchsorted(model.setup.thresholds_v, np.maximum.accumulate(compared), side="right")
         columns = {
             "allowance": allowance,
             "gauge": voltage,
             "measured": model.measured_um(voltage),
-            "stage": _stage(model, voltage, allowance),
+            "stage": np.where(passed < len(model.setup.thresholds_v), passed + 1.0, 0.0),
             "feed": values,
         }
         tables[run] = pd.DataFrame(
@@ -309,18 +308,6 @@ def _by_feed(
         Where(channel=channel, run=run),
         {"begins_um": begins_um, "of_file_um": of_file_um},
     )
-
-
-def _stage(model: GaugingModel, voltage_v: Vector, allowance_um: Vector) -> Vector:
-    """Number of the stage that the voltage asks for, the first being 1; 0 once it has asked for the stop.
-
-    The relay compares the peaks of the ripple, those on a whole surface.
-    """
-    thresholds, compared = np.array(model.setup.thresholds_v), voltage_v
-    if model.crest is not None:
-        compared = voltage_v + model.crest.crest_at(allowance_um, model.values.filter_s)
-    done = np.searchsorted(thresholds, np.maximum.accumulate(compared), side="right")
-    return np.where(done < len(thresholds), done + 1.0, 0.0)
 
 
 def _nothing_drives(model: GaugingModel, recording: Recording) -> OptionError:

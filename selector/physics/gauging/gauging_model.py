@@ -361,20 +361,13 @@ def model_findings(model: GaugingModel) -> Iterator[Finding]:
     yield from unlikely_values(model.file)
     curve = model.characteristic
     if curve is not None:
-        yield from _swings(curve)
+        # what was told of the characteristic, where the gauge is of use
+        _, most = curve.monotone_um
+        yield from (one for one in curve.findings if np.min(one.evidence.get("allowance_um", 0.0)) <= most)
         yield from _reach(model, curve)
         yield from _ripple(model)
     yield from _slow(model)
     yield from _samples(model)
-
-
-def _swings(curve: Characteristic) -> Iterator[Finding]:
-    """What was told of the characteristic, where the gauge is of use."""
-    _, most = curve.monotone_um
-    for finding in curve.findings:
-        places = np.asarray(finding.evidence.get("allowance_um", [0.0]), dtype=np.float64)
-        if (places <= most).any():
-            yield finding
 
 
 def _reach(model: GaugingModel, curve: Characteristic) -> Iterator[Finding]:

@@ -207,7 +207,8 @@ def contradictions(file: GaugingFile) -> Iterator[model_text.Contradiction]:
     yield from part_contradictions(file)
     parts = file_parts(file)
     yield from _of_linear(parts)
-    yield from _of_wear(file, parts)
+    since = min(file.run.parts, parts.grinding.dress_every or file.run.parts)
+    yield from refusals(lambda: wear_share(parts.grinding, since - 1), ("grinding",), file.grinding)
     yield from _of_thresholds(file, parts)
     yield from model_text.bound_contradictions(file.bounds)
     yield from length_contradictions(file, parts)
@@ -237,12 +238,6 @@ def _of_linear(parts: FileParts) -> Iterator[model_text.Contradiction]:
             "a gain below 0: the voltage rises while the allowance falls",
             "turn the sign of gain_v_per_um" if gauge.gain_v_per_um > 0 else "give the slope of the gauge",
         )
-
-
-def _of_wear(file: GaugingFile, parts: FileParts) -> Iterator[model_text.Contradiction]:
-    grinding = parts.grinding
-    since = min(file.run.parts, grinding.dress_every or file.run.parts)
-    yield from refusals(lambda: wear_share(grinding, since - 1), ("grinding",), file.grinding)
 
 
 def _of_thresholds(file: GaugingFile, parts: FileParts) -> Iterator[model_text.Contradiction]:

@@ -7,15 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
+from selector.physics.gauging import transducer
 from selector.physics.gauging.gauged_grinding import GaugedGrinding, spread_freedoms, worth
-from selector.physics.gauging.transducer import (
-    Tolerance,
-    mean_surface_um,
-    smoothed_surface,
-    surface_um,
-    voltage_variance_v2,
-    wear_share,
-)
 
 _TURNS, _HALVINGS, _DEPTHS, _WAVE = 61, 50, 4, 4096
 _DELAYS, _NOISES = np.polynomial.laguerre.laggauss(12), np.polynomial.hermite_e.hermegauss(9)
@@ -45,13 +38,13 @@ class SizesByFormula:
 def sizes_by_formula(setup: GaugedGrinding, *, parts: int = 1) -> SizesByFormula:
     """Finished sizes by G eq. 25, of a batch of `parts` with its wear (1: as at the first part)."""
     line, grinding = on_line(setup), setup.grinding
-    fresh = 1.0 + wear_share(grinding)
-    paces = np.array([fresh / (1.0 + wear_share(grinding, number)) for number in range(parts)])
+    fresh = 1.0 + transducer.wear_share(grinding)
+    paces = np.array([fresh / (1.0 + transducer.wear_share(grinding, number)) for number in range(parts)])
     fall = line.rates_um_per_s[-1] * line.ahead_s
-    each = _met_um(line) - mean_surface_um(line.surface) - fall * paces
+    each = _met_um(line) - transducer.mean_surface_um(line.surface) - fall * paces
     each += grinding.probe_wear_um_per_part * np.arange(parts)
     gain = abs(line.gauge.gain_v_per_um)
-    within = math.hypot(math.sqrt(voltage_variance_v2(line.gauge, line.noise)), line.relay.noise_v) / gain
+    within = math.hypot(math.sqrt(transducer.voltage_variance_v2(line.gauge, line.noise)), line.relay.noise_v) / gain
     feeds = fall * grinding.feed_sd * math.sqrt(float(np.mean(paces**2)))
     if setup.correction is not None:
         beside = curvature_um(setup) - setup.wanted_um
@@ -62,7 +55,7 @@ def sizes_by_formula(setup: GaugedGrinding, *, parts: int = 1) -> SizesByFormula
         own, of_gauge = (math.sqrt(float(np.cumsum(one**2).mean())) for one in (answer, answer - alone))
         within, feeds = math.hypot(within * own, setup.correction.gauge_sd_um * of_gauge), feeds * own
     between = math.hypot(float(each.std()), feeds)
-    _, rate = smoothed_surface(line.surface, line.gauge.time_constant_s, np.arange(_WAVE) / _WAVE)
+    _, rate = transducer.smoothed_surface(line.surface, line.gauge.time_constant_s, np.arange(_WAVE) / _WAVE)
     spread, ripple = math.hypot(within, between), float(np.abs(rate).max()) / line.rates_um_per_s[-1]
     curvature = curvature_um(setup)
     return SizesByFormula(float(each.mean()), spread, within, between, setup.restlessness, ripple, curvature)
@@ -104,7 +97,7 @@ def curvature_um(setup: GaugedGrinding) -> float:
         return 0.0
     (lag, share), (noise, weight) = _DELAYS, _NOISES
     ahead = setup.rates_um_per_s[-1] * setup.gauge.time_constant_s
-    met = surface_um(setup.surface, np.arange(_TURNS) / _TURNS)
+    met = transducer.surface_um(setup.surface, np.arange(_TURNS) / _TURNS)
     offsets = (ahead * lag)[:, None, None] + (setup.noise.sd_um * noise)[:, None] + met
     weights = share[:, None, None] * (weight / weight.sum())[:, None] * np.full(_TURNS, 1.0 / _TURNS)
     threshold = setup.mean_thresholds_v[-1]
@@ -119,7 +112,7 @@ def curvature_um(setup: GaugedGrinding) -> float:
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if above(middle) else (middle, high)
-    by_line = _met_um(setup) - ahead - mean_surface_um(on_line(setup).surface)
+    by_line = _met_um(setup) - ahead - transducer.mean_surface_um(on_line(setup).surface)
     return 0.5 * (low + high) - by_line
 
 
@@ -162,7 +155,7 @@ class Capability:
     share_outside_high: float
 
 
-def capability(size_um: ArrayLike, tolerance: Tolerance) -> Capability | None:
+def capability(size_um: ArrayLike, tolerance: transducer.Tolerance) -> Capability | None:
     """Capability from finished sizes, shape (n_parts,) [µm]; None where they do not differ, or are fewer than two."""
     sizes = np.asarray(size_um, dtype=np.float64).ravel()
     count = len(sizes)
@@ -196,7 +189,7 @@ def capability(size_um: ArrayLike, tolerance: Tolerance) -> Capability | None:
 
 
 def _by_quantiles(
-    sizes: np.ndarray[tuple[int], np.dtype[np.float64]], tolerance: Tolerance
+    sizes: np.ndarray[tuple[int], np.dtype[np.float64]], tolerance: transducer.Tolerance
 ) -> tuple[float | None, ...]:
     if len(sizes) < LEAST_PARTS_OF_QUANTILES:
         return None, None

@@ -85,8 +85,12 @@ def _of_run(recording: Recording, run: str, probes: list[Channel]) -> RunDrift:
     for name, first, second, per_m in _rotations(probes):
         course = per_m * (courses[second] - courses[first])
         drifts.append(drift(name, (first, second), "um/m", course))
-    for first, second in _unplaced_pairs(probes):
-        drifts.append(drift(f"{second}−{first}", (first, second), "um", courses[second] - courses[first]))
+    for axis in range(3):
+        pair = [probe for probe in probes if _axis_of(probe) == axis]
+        # nobody says how far apart they stand: their difference is all of the tilt
+        if len(pair) == 2 and any(probe.xyz_m is None for probe in pair):
+            first, second = pair[0].name, pair[1].name
+            drifts.append(drift(f"{second}−{first}", (first, second), "um", courses[second] - courses[first]))
     return RunDrift(run, test, float(time_s[0]), float(time_s[-1] - time_s[0]), tuple(drifts))
 
 
@@ -112,14 +116,6 @@ def _rotations(probes: list[Channel]) -> Iterator[tuple[str, str, str, float]]:
         if distance > widest.get(k, (0.0,))[0]:
             widest[k] = distance, (_ROTATIONS[k], first.name, second.name, sign / float(apart[j]))
     yield from (rotation for _, (_, rotation) in sorted(widest.items()))
-
-
-def _unplaced_pairs(probes: list[Channel]) -> Iterator[tuple[str, str]]:
-    """The two probes of an axis, of which nobody says how far apart they stand: their difference is all of the tilt."""
-    for axis in range(3):
-        of_axis = [probe for probe in probes if _axis_of(probe) == axis]
-        if len(of_axis) == 2 and any(probe.xyz_m is None for probe in of_axis):
-            yield of_axis[0].name, of_axis[1].name
 
 
 def _axis_of(channel: Channel) -> int | None:

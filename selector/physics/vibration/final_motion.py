@@ -477,7 +477,9 @@ def motion_signal(
     """
     time = np.array(time_s, dtype=np.float64)
     half_hz = 0.5 / float(np.median(np.diff(time)))
-    constant, courses = _parted(shaft_rpm)
+    courses = {name: one for name, one in shaft_rpm.items() if isinstance(one, ShaftCourse) and not one.is_level}
+    steady = {name: one for name, one in shaft_rpm.items() if name not in courses}
+    constant = {name: float(one.rpm[0]) if isinstance(one, ShaftCourse) else one for name, one in steady.items()}
     shift = np.exp(1j * np.array([(phase_rad or {}).get(source.name, 0.0) for source in sources]))
     motion, force = np.zeros((len(finals), len(time))), np.zeros((len(sources), len(time)))
     lines = excitation(sources, {**constant, **dict.fromkeys(courses, 0.0)})
@@ -518,13 +520,6 @@ def motion_signal(
     return MotionSignal(
         time, tuple(finals), tuple(source.name for source in sources), motion, force, speeds, tuple(findings)
     )
-
-
-def _parted(shaft_rpm: Mapping[str, float | ShaftCourse]) -> tuple[dict[str, float], dict[str, ShaftCourse]]:
-    """Shafts of constant speed, and those that change it."""
-    courses = {name: one for name, one in shaft_rpm.items() if isinstance(one, ShaftCourse) and not one.is_level}
-    others = {name: one for name, one in shaft_rpm.items() if name not in courses}
-    return {name: float(one.rpm[0]) if isinstance(one, ShaftCourse) else one for name, one in others.items()}, courses
 
 
 def _sinusoids(amplitude: Complex, frequency_hz: Vector, time: Vector) -> Matrix:

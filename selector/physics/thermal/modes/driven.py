@@ -93,12 +93,6 @@ def _limits(spec: ModeSpec, data: ModeData) -> tuple[Vector, Vector]:
     return low, high
 
 
-def _expectations(spec: ModeSpec, theta: Vector) -> Vector:
-    """What is known without the tests: as for other modes, and that they are further apart."""
-    gap = np.diff(np.sort(theta[: spec.n_modes])) - np.log(APART)
-    return np.concatenate([expectations(spec, theta), 30.0 * np.minimum(gap, 0.0)])
-
-
 def _spreads(values: Vector, kinds: Indices, data: ModeData, r: int, noise_um2: Vector, start: Vector) -> Vector:
     """The spreads of one response that make its readings most likely; each is expected within factors of e² or so."""
     span = max(float(np.ptp(data.displacement_um[np.isfinite(noise_um2), r])), 1e-6)
@@ -117,7 +111,9 @@ def _spreads(values: Vector, kinds: Indices, data: ModeData, r: int, noise_um2: 
 def _lost(spec: ModeSpec, data: ModeData, theta: Vector, spreads: Vector, noise_um2: list[Vector]) -> float:
     """The loss of a fit with these time constants, exponents and spreads."""
     phi, kinds = design(spec, data, theta)
-    far = _expectations(spec, theta)
+    # what is known without the tests: as for other modes, and that they are further apart
+    gap = np.diff(np.sort(theta[: spec.n_modes])) - np.log(APART)
+    far = np.concatenate([expectations(spec, theta), 30.0 * np.minimum(gap, 0.0)])
     rows = (np.column_stack([phi, course]) for course in data.displacement_um.T)
     losses = (_loss(values, kinds, spreads[r], data, noise_um2[r])[0] for r, values in enumerate(rows))
     return sum(losses) + 0.5 * float(far @ far)
@@ -171,7 +167,10 @@ def chosen(data: ModeData, *, with_hall: bool) -> tuple[DrivenFit, ...]:
     plain = _climbed(plain, lambda size: of_spec(replace(plain.spec, n_modes=size)), MOST_MODES)
 
     def with_film(size: int) -> DrivenFit:
-        return _with_film(of_spec(replace(plain.spec, n_modes=size)), data)
+        fit, spec = of_spec(replace(plain.spec, n_modes=size)), replace(plain.spec, n_modes=size, film="growing")
+        # from films that act on all modes alike or on every other
+        starts = film_starts(fit.theta, size)
+        return min((fitted(spec, data, start, spreads=fit.spreads) for start in starts), key=lambda one: one.loss)
 
     film = _climbed(with_film(min(plain.spec.n_modes, MOST_WITH_FILM)), with_film, MOST_WITH_FILM)
     return tuple(sorted((plain, film, *other), key=worth))
@@ -186,13 +185,6 @@ def _climbed(best: DrivenFit, of_size: Callable[[int], DrivenFit], most: int) ->
                 break
             best = other
     return best
-
-
-def _with_film(fit: DrivenFit, data: ModeData) -> DrivenFit:
-    """The fit with a film that grows with the speed, from films that act on all modes alike or on every other."""
-    starts = film_starts(fit.theta, fit.spec.n_modes)
-    spec = replace(fit.spec, film="growing")
-    return min((fitted(spec, data, start, spreads=fit.spreads) for start in starts), key=lambda one: one.loss)
 
 
 def worth(fit: DrivenFit) -> float:

@@ -143,7 +143,8 @@ class ModalModel:
         """
         time = np.atleast_1d(np.asarray(time_s, dtype=np.float64))
         speed = require_tested(cyclogram.speed_rpm, self.fastest_rpm)
-        terms, losses = self.law.terms(speed), self._losses(speed)
+        share = (speed / self.law.reference_rpm) ** self.cooling_exponent
+        terms, losses = self.law.terms(speed), np.eye(len(self.tau_s)) + share[:, None, None] * self.cooling_growth
         values, vectors = np.linalg.eig(losses / self.tau_s[:, None])
         at = np.searchsorted(cyclogram.start_s, time, side="right") - 1
         out = np.zeros((len(time), len(self.tau_s), self.law.size))
@@ -161,11 +162,6 @@ class ModalModel:
     def displacement_um(self, cyclogram: Cyclogram, time_s: Vector, start: Vector | None = None) -> Vector:
         """Displacements [µm], shape (n_times, n_responses), at times [s] of shape (n_times,); see `states_at`."""
         return np.asarray(np.einsum("nkj,jkr->nr", self.states_at(cyclogram, time_s, start), self.gains_um))
-
-    def _losses(self, speed: Vector) -> Vector:
-        """I + s(n)·M, shape (n_speeds, n_modes, n_modes)."""
-        share = (speed / self.law.reference_rpm) ** self.cooling_exponent
-        return np.eye(len(self.tau_s)) + share[:, None, None] * self.cooling_growth
 
 
 def require_tested(speed_rpm: ArrayLike, fastest_rpm: float, which: str = "the fastest tested one") -> Vector:

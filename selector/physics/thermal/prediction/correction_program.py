@@ -170,7 +170,11 @@ def _on_a_grid(t: Vector, d: Vector, tolerance_um: float, resolution_s: float) -
     grid = t[0] + resolution_s * np.arange(count)
     edges = np.r_[grid, t[-1]]
     at_edges = np.asarray(np.interp(edges, t, d))
-    lows, highs = _extremes(t, d, edges, at_edges)
+    # smallest and largest value between neighbouring edges, both included
+    lows, highs = np.minimum(at_edges[:-1], at_edges[1:]), np.maximum(at_edges[:-1], at_edges[1:])
+    cell = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, count - 1)
+    np.minimum.at(lows, cell, d)
+    np.maximum.at(highs, cell, d)
     times: list[float] = []
     corrections: list[float] = []
     reference = 0.0
@@ -191,16 +195,6 @@ def _on_a_grid(t: Vector, d: Vector, tolerance_um: float, resolution_s: float) -
         corrections.append(here - reference)
         reference = here
     return times, corrections
-
-
-def _extremes(t: Vector, d: Vector, edges: Vector, at_edges: Vector) -> tuple[Vector, Vector]:
-    """Smallest and largest value of the curve between neighbouring edges, both included."""
-    low = np.minimum(at_edges[:-1], at_edges[1:])
-    high = np.maximum(at_edges[:-1], at_edges[1:])
-    cell = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(edges) - 2)
-    np.minimum.at(low, cell, d)
-    np.maximum.at(high, cell, d)
-    return low, high
 
 
 def _checked_curve(time_s: Vector, displacement_um: Vector, end_s: float) -> tuple[Vector, Vector]:

@@ -218,7 +218,8 @@ def observed(
         paths = [one.read(i, rise_k[i], columns, noise_k, walk_k2) for one in paths]
         paths.sort(key=lambda one: -one.log_weight)
         paths = [one for one in paths[:MOST_PATHS] if one.log_weight > paths[0].log_weight - GIVEN_UP]
-        followed[i] = _mean(paths, [one.at(i) for one in paths])
+        weights = np.exp([one.log_weight - paths[0].log_weight for one in paths])
+        followed[i] = np.tensordot(weights / weights.sum(), np.array([one.at(i) for one in paths]), 1)
     tied = [one for one in paths if one.log_weight > paths[0].log_weight - _TIED]
     likeliest = min(tied, key=lambda one: sum(stop.delays for stop in one.stops))
     stops = likeliest.settled
@@ -245,8 +246,3 @@ def _later(stops: tuple[Stop, ...], by_s: float) -> tuple[Stop, ...]:
     *before, last = stops
     moved = Stop(last.from_s + by_s) if last.to_s is None else replace(last, to_s=max(last.to_s + by_s, last.from_s))
     return (*before, moved)
-
-
-def _mean(paths: Sequence[_Path], courses: Sequence[Vector]) -> Vector:
-    weights = np.exp([one.log_weight - paths[0].log_weight for one in paths])
-    return np.asarray(np.tensordot(weights / weights.sum(), np.array(courses), 1))
