@@ -20,7 +20,9 @@ MODULE = """
 from dataclasses import replace
 import numpy as np
 from selector.diagnosis.effects.effect import Variant
-from selector.diagnosis.effects.thermal.ambient import EFFECT as shipped
+from selector.diagnosis.effects.thermal.sources import EFFECTS
+
+shipped = EFFECTS[0]
 EFFECT = replace(shipped, id="acme.draught", title="draught")
 NO_EFFECT = 7
 

@@ -14,15 +14,17 @@ from proving_ground.real.tables import cascaded_tanks, silverbox
 from proving_ground.runner import outcomes, questions
 from proving_ground.scenarios import scenarios
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Effect
-from selector.diagnosis.effects.flow.overflow import EFFECT as OVERFLOW
-from selector.diagnosis.effects.vibration.hardening import EFFECT as HARDENING
-from selector.diagnosis.effects.vibration.hysteresis import EFFECT as HYSTERESIS
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.shapes.force_response import closed_loop
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import rate
 from selector.errors import OptionError, ReadError
+
+OVERFLOW = effect_of("flow.overflow")
+HARDENING = effect_of("vibration.hardening")
+HYSTERESIS = effect_of("vibration.hysteresis")
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 

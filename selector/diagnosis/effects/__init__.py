@@ -1,1 +1,1 @@
-"""The catalogue of what a simulation may have left out: one file an effect, found by `catalogue.catalogue`."""
+"""The catalogue of what a simulation may have left out: found by `catalogue.catalogue`."""

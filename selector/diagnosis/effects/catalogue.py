@@ -119,7 +119,6 @@ def effect_of(id: str) -> Effect:  # noqa: A002 - the word of the contract
 def _shipped() -> Iterator[Effect]:
     for family in _FAMILIES:
         package = importlib.import_module(f"{shipped.__name__}.{family}")
-        for module in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
-            effect = getattr(importlib.import_module(f"{package.__name__}.{module}"), "EFFECT", None)
-            if isinstance(effect, Effect):
-                yield effect
+        names = [f"{package.__name__}.{module.name}" for module in pkgutil.iter_modules(package.__path__)]
+        effects = (effect for name in names for effect in getattr(importlib.import_module(name), "EFFECTS", ()))
+        yield from sorted(effects, key=lambda effect: effect.id)

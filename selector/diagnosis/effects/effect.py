@@ -207,14 +207,14 @@ class Effect:
         return self.id.partition(".")[0]
 
 
-def words_of(id_: str) -> dict[str, Any]:
-    """What is declared of a shipped effect in ``words.toml`` of its family: id, texts, where it enters, parameters.
+def declared(id_: str, variants: Any, testable: Any, reading: Any, **also: Any) -> Effect:
+    """A shipped effect, of which texts, where it enters and parameters stand in ``words.toml`` of its family.
 
     Of the parameters each has a row: name, unit, lowest and highest value, meaning; those of several effects are named
-    alone. Those that are made of constants of the code stand in the code.
+    alone. Those that are made of constants of the code are given with `also`, as of `Effect`.
     """
     family, _, name = id_.partition(".")
-    return {"id": id_, **_words(family)[name]}
+    return Effect(id_, variants=variants, testable=testable, reading=reading, **{**_words(family)[name], **also})
 
 
 @cache

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data.gain import known_factor
+from selector.diagnosis.effects.data.readings import known_factor
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.response import OF_MODEL, Bench
 from selector.diagnosis.evidence.testing import tail_probability

@@ -8,11 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.drive._forces import held_back, leads
-from selector.diagnosis.effects.drive.backlash import _widths
-from selector.diagnosis.effects.drive.coulomb import EFFECT as COULOMB
-from selector.diagnosis.effects.drive.pitch_error import EFFECT as PITCH_ERROR
-from selector.diagnosis.effects.drive.saturation import EFFECT as SATURATION
+from selector.diagnosis.effects.drive.compliance import _widths
 from selector.diagnosis.shapes.axis import motion
 from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, passed, responds, yields_s2
 from selector.diagnosis.workflow import diagnosis
@@ -27,6 +25,10 @@ from tests.diagnosis.effects.drive_axis import (
     moves,
     replace,
 )
+
+COULOMB = effect_of("drive.coulomb")
+PITCH_ERROR = effect_of("drive.pitch_error")
+SATURATION = effect_of("drive.saturation")
 
 PERIOD_S = 2e-3
 

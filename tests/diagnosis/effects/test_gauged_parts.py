@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.gauging.interrupted import EFFECT as INTERRUPTED
-from selector.diagnosis.effects.gauging.lag import EFFECT as LAG
+from selector.diagnosis.effects.catalogue import effect_of
 from tests.diagnosis.effects.concealed_truths import comparison_of
+
+INTERRUPTED = effect_of("gauging.interrupted")
+LAG = effect_of("gauging.lag")
 
 
 def _explained(comparison: Comparison, response: str, column: np.ndarray) -> float:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.diagnosis.effects.flow.overflow import EFFECT
+from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.shapes.residual import Remainder
 from tests.diagnosis.effects.concealed_truths import comparison_of
+
+EFFECT = effect_of("flow.overflow")
 
 
 def _levels(pump: np.ndarray, brim: float, caught: float) -> tuple[np.ndarray, np.ndarray]:

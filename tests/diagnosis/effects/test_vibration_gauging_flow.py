@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 
 import numpy as np
 import pytest
@@ -12,13 +11,14 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Fitted, Variant
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
 from selector.diagnosis.shapes.residual import unexplained
 from selector.diagnosis.shapes.signals import rate
 from tests.diagnosis.effects.concealed_truths import TRUTHS, comparison_of, gauged_parts, structure, tanks
 
-EFFECTS = {name: importlib.import_module(f"selector.diagnosis.effects.{name}").EFFECT for name in TRUTHS}
+EFFECTS = {name: effect_of(name) for name in TRUTHS}
 LEAST = {
     # a share that noise leaves to be explained: see the noise of each truth; the mode is as large as half the noise
     "vibration.line": 0.8,

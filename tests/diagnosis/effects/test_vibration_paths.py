@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.vibration.back_reaction import EFFECT as BACK_REACTION
-from selector.diagnosis.effects.vibration.imbalance import EFFECT as IMBALANCE
-from selector.diagnosis.effects.vibration.line import EFFECT as LINE
-from selector.diagnosis.effects.vibration.mode import EFFECT as MODE
+from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonances_of, resonator
 from selector.diagnosis.shapes.signals import rate
 from selector.diagnosis.shapes.spectral_lines import Line, aligned
 from selector.diagnosis.workflow import diagnosis
 from tests.diagnosis.effects.concealed_truths import F1, Z1, comparison_of, structure
 from tests.diagnosis.made import comparison
+
+BACK_REACTION = effect_of("vibration.back_reaction")
+IMBALANCE = effect_of("vibration.imbalance")
+LINE = effect_of("vibration.line")
+MODE = effect_of("vibration.mode")
 
 
 def _shaken_and_turning(gain: float, imbalance: float) -> Comparison:

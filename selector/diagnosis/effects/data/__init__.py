@@ -1,1 +1,1 @@
-"""Effects of the family `data`, one file each."""
+"""Effects of the family `data`: a table of them at the end of every file."""

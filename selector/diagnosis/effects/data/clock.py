@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import Part, everywhere, later_parts, single_runs, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, equally_likely, words_of
+from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant, declared, equally_likely
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.shapes.input_faults import input_faults
 from selector.diagnosis.shapes.signals import by_run, excited, rate
@@ -164,4 +164,4 @@ def _tried_value(variant: Variant, name: str) -> float:
     return variant.shape[name].value if name in variant.shape else 1.0
 
 
-EFFECT = Effect(**words_of("data.clock"), variants=_variants, testable=_testable, reading=_reading)
+EFFECTS = (declared("data.clock", _variants, _testable, _reading),)

@@ -7,7 +7,7 @@ from scipy.special import erf
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import amount, window
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
+from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant, declared
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.signals import of_a_drive
 from selector.diagnosis.shown_units import unit_words
@@ -180,4 +180,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(**words_of("data.stuck"), variants=_variants, testable=_testable, reading=or_of_input(_reading))
+EFFECTS = (declared("data.stuck", _variants, _testable, or_of_input(_reading)),)

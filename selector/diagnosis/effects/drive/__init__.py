@@ -1,1 +1,1 @@
-"""Effects of the family `drive`, one file each."""
+"""Effects of the family `drive`: a table of them at the end of every file."""

@@ -1,1 +1,1 @@
-"""Effects of the family `flow`, one file each."""
+"""Effects of the family `flow`: a table of them at the end of every file."""

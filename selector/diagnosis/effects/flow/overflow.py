@@ -12,7 +12,7 @@ from numba import njit
 from scipy.optimize import least_squares as nonlinear_least_squares
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
+from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant, declared
 from selector.diagnosis.shapes.residual import Remainder
 from selector.diagnosis.shapes.signals import by_run, course, excited, lagged, no_flow, time_constants
 from selector.types import Vector
@@ -349,4 +349,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(text, parameters)
 
 
-EFFECT = Effect(**words_of("flow.overflow"), variants=_variants, testable=_testable, reading=_reading)
+EFFECTS = (declared("flow.overflow", _variants, _testable, _reading),)

@@ -1,1 +1,1 @@
-"""Effects of the family `gauging`, one file each."""
+"""Effects of the family `gauging`: a table of them at the end of every file."""

@@ -1,1 +1,1 @@
-"""Effects of the family `thermal`, one file each."""
+"""Effects of the family `thermal`: a table of them at the end of every file."""

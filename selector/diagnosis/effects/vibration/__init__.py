@@ -1,1 +1,1 @@
-"""Effects of the family `vibration`, one file each."""
+"""Effects of the family `vibration`: a table of them at the end of every file."""
