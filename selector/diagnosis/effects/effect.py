@@ -207,14 +207,14 @@ class Effect:
         return self.id.partition(".")[0]
 
 
-def declared(id_: str, variants: Any, testable: Any, reading: Any, **also: Any) -> Effect:
+def declared(id_: str, variants: Any, testable: Any, reading: Any, **more: Any) -> Effect:
     """A shipped effect, of which texts, where it enters and parameters stand in ``words.toml`` of its family.
 
     Of the parameters each has a row: name, unit, lowest and highest value, meaning; those of several effects are named
-    alone. Those that are made of constants of the code are given with `also`, as of `Effect`.
+    alone. Those that are made of constants of the code are given as `more`, as of `Effect`.
     """
     family, _, name = id_.partition(".")
-    return Effect(id_, variants=variants, testable=testable, reading=reading, **{**_words(family)[name], **also})
+    return Effect(id_, variants=variants, testable=testable, reading=reading, **{**_words(family)[name], **more})
 
 
 @cache

@@ -9,18 +9,7 @@ from numba import njit
 from scipy.signal import bilinear, lfilter
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    centred_place,
-    direct,
-    leads,
-    motion_of,
-    of_forces,
-    place_only,
-    presliding_m,
-    reverses,
-    stays,
-    waved,
-)
+from selector.diagnosis.effects.drive import _forces as axis_forces
 from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant, declared
 from selector.diagnosis.shapes.axis import FORCE_ROLES, Motion, simulated_drive_force, simulated_forces
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, loop_parts, responds
@@ -39,7 +28,7 @@ _LOADED = 0.01  #: Share of the largest load below which the flanks stay as they
 
 
 def _backlash(comparison: Comparison, response: str) -> Iterator[Variant]:
-    moving = motion_of(comparison, response)
+    moving = axis_forces.motion_of(comparison, response)
     starts = np.asarray(moving.starts)
     seen: list[Vector] = []
     for crossed_um in _widths(moving):
@@ -89,10 +78,10 @@ def _begun(sides: Callable[..., Vector], course: Vector, starts: Vector, least: 
 def _of_side(comparison: Comparison, response: str, side: Vector, shape: dict[str, Quantity]) -> Variant:
     """Position: half of the play on either side; force: what crossing it costs the drive."""
     if comparison.channel(response).role in PLACE_ROLES:
-        return direct(comparison, response, {"side that the flanks touch on": -side}, shape)
+        return axis_forces.direct(comparison, response, {"side that the flanks touch on": -side}, shape)
     impulses = loop_parts(comparison, response, side)
     columns = {f"impulse at reversal, {k + 1}": scaled(part) for k, part in enumerate(impulses)}
-    return direct(comparison, response, columns, shape)
+    return axis_forces.direct(comparison, response, columns, shape)
 
 
 def _loads(comparison: Comparison, response: str, moving: Motion) -> Iterator[tuple[float, Vector]]:
@@ -129,7 +118,7 @@ def _loaded_side(load, starts, least, begun):  # type: ignore[no-untyped-def]
 
 
 def _backlash_testable(comparison: Comparison, response: str) -> str | None:
-    lacking = reverses(comparison, response)
+    lacking = axis_forces.reverses(comparison, response)
     if lacking is None and comparison.channel(response).role not in PLACE_ROLES + FORCE_ROLES:
         return f"{response} is no displacement, position, force or current"
     return lacking
@@ -152,24 +141,24 @@ _HIGHEST_SHARE = 0.8
 
 
 def _elasticity(comparison: Comparison, response: str) -> Iterator[Variant]:
-    moving = motion_of(comparison, response)
+    moving = axis_forces.motion_of(comparison, response)
     acceleration = moving.acceleration_m_per_s2
     inertia = {"wind-up by inertia": acceleration}
     is_place = comparison.channel(response).role in PLACE_ROLES
     if is_place:
-        yield direct(comparison, response, inertia, _at(0.0))
+        yield axis_forces.direct(comparison, response, inertia, _at(0.0))
         drive = simulated_drive_force(comparison, comparison.channel(response).axis)
         if drive is not None:
             of_drive = {f"wind-up by {drive[0]}": drive[1]}
-            yield direct(comparison, response, of_drive, _at(0.0))
-            yield direct(comparison, response, of_drive | inertia, _at(0.0))
+            yield axis_forces.direct(comparison, response, of_drive, _at(0.0))
+            yield axis_forces.direct(comparison, response, of_drive | inertia, _at(0.0))
         else:
-            friction = {"wind-up by friction": moving.friction_state(presliding_m(comparison, response))}
-            yield direct(comparison, response, inertia | friction, _at(0.0))
+            friction = {"wind-up by friction": moving.friction_state(axis_forces.presliding_m(comparison, response))}
+            yield axis_forces.direct(comparison, response, inertia | friction, _at(0.0))
     else:
         # the control of a motor that runs ahead of its table by the wind-up feels the rate of it
         jerk = {"rate of the wind-up by inertia": rate(comparison, acceleration, over_samples=5)}
-        yield from of_forces(comparison, response, jerk, _at(0.0), of_motor=True)
+        yield from axis_forces.of_forces(comparison, response, jerk, _at(0.0), of_motor=True)
     top = _HIGHEST_SHARE * 0.5 / comparison.period_s
     if top <= _LOWEST_HZ:
         return
@@ -178,9 +167,9 @@ def _elasticity(comparison: Comparison, response: str) -> Iterator[Variant]:
         forces = {"mode rung by acceleration": ringing}
         shape = _at(float(frequency)) | {"damping_ratio": Quantity(_DAMPING, "1")}
         if is_place:
-            yield direct(comparison, response, forces | inertia, shape)
+            yield axis_forces.direct(comparison, response, forces | inertia, shape)
         else:
-            yield from of_forces(comparison, response, forces, shape, of_motor=True)
+            yield from axis_forces.of_forces(comparison, response, forces, shape, of_motor=True)
 
 
 def _at(frequency_hz: float) -> dict[str, Quantity]:
@@ -210,10 +199,10 @@ _INERTIA, _FRICTION = "inertia", "friction"
 
 
 def _varying_stiffness(comparison: Comparison, response: str) -> Iterator[Variant]:
-    moving = motion_of(comparison, response)
-    place = centred_place(moving)
+    moving = axis_forces.motion_of(comparison, response)
+    place = axis_forces.centred_place(moving)
     speed = np.abs(moving.velocity_m_per_s) / float(np.abs(moving.velocity_m_per_s).max())
-    friction = moving.friction_state(presliding_m(comparison, response))
+    friction = moving.friction_state(axis_forces.presliding_m(comparison, response))
     loads = [(_INERTIA, moving.acceleration_m_per_s2), (_FRICTION, friction)]
     drive = simulated_drive_force(comparison, comparison.channel(response).axis)
     for number, (name, load) in enumerate([drive, *loads] if drive is not None else loads):
@@ -228,7 +217,7 @@ def _varying_stiffness(comparison: Comparison, response: str) -> Iterator[Varian
             laws.append({f"{name} × speed": load * speed})
         for law, columns in enumerate(laws):
             shape = {"load": Quantity(float(number), "1"), "law": Quantity(float(law), "1")}
-            yield direct(comparison, response, columns, shape)
+            yield axis_forces.direct(comparison, response, columns, shape)
 
 
 _BY = ("position", "position and its square", "load", "speed")
@@ -240,14 +229,14 @@ def _varying_stiffness_reading(fitted: Fitted, comparison: Comparison) -> Readin
 
 
 def _pitch_error(comparison: Comparison, response: str) -> Iterator[Variant]:
-    moving = motion_of(comparison, response)
-    place = centred_place(moving)
+    moving = axis_forces.motion_of(comparison, response)
+    place = axis_forces.centred_place(moving)
     powers = {"position": place, "position²": place**2, "position³": place**3}
     for n in (1, 2, 3):
         columns = dict(list(powers.items())[:n])
-        yield direct(comparison, response, columns, {"power": Quantity(float(n), "1")})
+        yield axis_forces.direct(comparison, response, columns, {"power": Quantity(float(n), "1")})
     starts = [rows.start for _, rows in comparison.rows_of_runs()]
-    for lead in leads(comparison, comparison.channel(response).axis, of_force=False):
+    for lead in axis_forces.leads(comparison, comparison.channel(response).axis, of_force=False):
         turn = 2.0 * np.pi * moving.position_m / lead
         shape = {"lead_mm": Quantity(1e3 * lead, "mm")}
         once = {"sine of the lead": np.sin(turn), "cosine of the lead": np.cos(turn)}
@@ -255,18 +244,20 @@ def _pitch_error(comparison: Comparison, response: str) -> Iterator[Variant]:
         growing = once | {"position": place}
         for harmonics, waves, power in ((1.0, once, 0.0), (2.0, once | twice, 0.0), (1.0, growing, 1.0)):
             of_waves = shape | {"harmonics": Quantity(harmonics, "1"), "power": Quantity(power, "1")}
-            yield direct(comparison, response, waves, of_waves)
+            yield axis_forces.direct(comparison, response, waves, of_waves)
             if len(starts) > 1:
                 # a reading that is set to zero where a run begins lacks the error of that place
                 from_start = {what: wave - wave[starts][comparison.run_index] for what, wave in waves.items()}
-                yield direct(comparison, response, from_start, of_waves | {"from_start": Quantity(1.0, "1")})
+                yield axis_forces.direct(
+                    comparison, response, from_start, of_waves | {"from_start": Quantity(1.0, "1")}
+                )
 
 
 def _pitch_error_reading(fitted: Fitted, comparison: Comparison) -> Reading:
     if "lead_mm" not in fitted.variant.shape:
         text = "A position error grows along the way, whatever speed and direction"
         return Reading(f"{text}: {fitted.size_words}.", fitted.size)
-    lead, amplitude = fitted.parameter("lead_mm"), waved(fitted)
+    lead, amplitude = fitted.parameter("lead_mm"), axis_forces.waved(fitted)
     factor, unit = displayed(fitted.unit, amplitude.value)
     grows = "grows along the way and " if fitted.parameter("power").value else ""
     text = f"repeats every {lead.value:.4g} mm with an amplitude of {factor * amplitude.value:.3g} {unit}"
@@ -282,8 +273,10 @@ EFFECTS = (
     declared(
         "drive.varying_stiffness",
         _varying_stiffness,
-        lambda comparison, response: place_only(comparison, response) or stays(comparison, response),
+        lambda comparison, response: (
+            axis_forces.place_only(comparison, response) or axis_forces.stays(comparison, response)
+        ),
         _varying_stiffness_reading,
     ),
-    declared("drive.pitch_error", _pitch_error, place_only, _pitch_error_reading),
+    declared("drive.pitch_error", _pitch_error, axis_forces.place_only, _pitch_error_reading),
 )

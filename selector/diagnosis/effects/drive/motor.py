@@ -7,26 +7,10 @@ import numpy as np
 from numba import njit
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    direct,
-    force_key,
-    held_back,
-    is_force,
-    leads,
-    motion_of,
-    of_forces,
-    waved,
-)
+from selector.diagnosis.effects.drive import _forces as axis_forces
 from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant, declared
+from selector.diagnosis.shapes import axis as axes
 from selector.diagnosis.shapes import signals
-from selector.diagnosis.shapes.axis import (
-    FORCE_ROLES,
-    SimulatedAxis,
-    commanded,
-    derivatives,
-    simulated_axis,
-    simulated_drive_force,
-)
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, ClosedLoop, closed_loop, responds, slowest_s
 from selector.diagnosis.shapes.signals import in_run, lagged, rate, scaled
 from selector.types import Vector
@@ -35,19 +19,19 @@ _MOST_STARTS = 8  #: Runs from which on the inertia may be another one; of more 
 
 
 def _mass(comparison: Comparison, response: str) -> Iterator[Variant]:
-    inertia = motion_of(comparison, response).acceleration_m_per_s2
-    yield from of_forces(comparison, response, {"force of inertia": inertia})
+    inertia = axis_forces.motion_of(comparison, response).acceleration_m_per_s2
+    yield from axis_forces.of_forces(comparison, response, {"force of inertia": inertia})
     for k in range(1, len(comparison.runs), -(-len(comparison.runs) // _MOST_STARTS)):
         # a workpiece that was put on the table
         later = np.where(comparison.run_index >= k, inertia, 0.0)
         if later[~comparison.held_out].any():
-            for variant in of_forces(comparison, response, {"force of inertia": later}):
+            for variant in axis_forces.of_forces(comparison, response, {"force of inertia": later}):
                 yield replace(variant, regime=f"from run {comparison.runs[k]} on", looked_at=float(_MOST_STARTS))
 
 
 def _mass_reading(fitted: Fitted, comparison: Comparison) -> Reading:
     when = f" {fitted.variant.regime}" if fitted.variant.regime else ""
-    if is_force(fitted, comparison):
+    if axis_forces.is_force(fitted, comparison):
         of_mass = fitted.unit == "N"
         found = fitted.coefficient("kg" if of_mass else f"{fitted.unit}*s^2/m")
         what, key = ("The axis moves", "mass_kg") if of_mass else ("The inertia of the axis asks for", "inertia")
@@ -78,8 +62,8 @@ def _shown(
     comparison: Comparison, response: str, force: Vector, *, run: str | None = None, regime: str | None = None
 ) -> Iterator[Variant]:
     """Long at rest before the recording begins, so that it has settled; or put on with the first sample."""
-    settled = direct(comparison, response, {_CONSTANT: force})
-    for variant in (settled, *of_forces(comparison, response, {_CONSTANT: force}, most=2)):
+    settled = axis_forces.direct(comparison, response, {_CONSTANT: force})
+    for variant in (settled, *axis_forces.of_forces(comparison, response, {_CONSTANT: force}, most=2)):
         yield replace(variant, run=run, regime=regime)
 
 
@@ -87,7 +71,7 @@ def _offset_force_reading(fitted: Fitted, comparison: Comparison) -> Reading:
     run, regime = fitted.variant.run, fitted.variant.regime
     shift = fitted.coefficient()
     when = ("" if run is None else f" in run {run}") + ("" if regime is None else f" while {regime}")
-    key = force_key(fitted, comparison)
+    key = axis_forces.force_key(fitted, comparison)
     if key:
         text = f"A constant force of {shift.words()} acts on the axis{when}, at rest and in motion alike"
         return Reading(f"{text} ({fitted.size_words}).", {key: shift})
@@ -96,26 +80,26 @@ def _offset_force_reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 def _ripple(comparison: Comparison, response: str) -> Iterator[Variant]:
-    moving = motion_of(comparison, response)
-    for lead in leads(comparison, comparison.channel(response).axis, of_force=True):
+    moving = axis_forces.motion_of(comparison, response)
+    for lead in axis_forces.leads(comparison, comparison.channel(response).axis, of_force=True):
         turn = 2.0 * np.pi * moving.position_m / lead
         once = {"sine of the angle": np.sin(turn), "cosine of the angle": np.cos(turn)}
         twice = {"sine of twice the angle": np.sin(2.0 * turn), "cosine of twice the angle": np.cos(2.0 * turn)}
         for harmonics, waves in ((1.0, once), (2.0, once | twice)):
             shape = {"lead_mm": Quantity(1e3 * lead, "mm"), "harmonics": Quantity(harmonics, "1")}
-            yield from of_forces(comparison, response, waves, shape, of_motor=True)
+            yield from axis_forces.of_forces(comparison, response, waves, shape, of_motor=True)
 
 
 def _ripple_testable(comparison: Comparison, response: str) -> str | None:
     lacking = responds(comparison, response)
-    if lacking is None and not leads(comparison, comparison.channel(response).axis, of_force=True):
+    if lacking is None and not axis_forces.leads(comparison, comparison.channel(response).axis, of_force=True):
         return "the way is too short, or too quick for the sampling, to show what repeats along it"
     return lacking
 
 
 def _ripple_reading(fitted: Fitted, comparison: Comparison) -> Reading:
     lead = fitted.parameter("lead_mm")
-    key, amplitude = force_key(fitted, comparison), waved(fitted)
+    key, amplitude = axis_forces.force_key(fitted, comparison), axis_forces.waved(fitted)
     text = f"A force that repeats every {lead.value:.4g} mm shakes the axis, less the slower it goes"
     if key:
         has = f"has an amplitude of {amplitude.value:.3g} {fitted.unit}"
@@ -124,27 +108,27 @@ def _ripple_reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 def _delay(comparison: Comparison, response: str) -> Iterator[Variant]:
-    moving = motion_of(comparison, response)
+    moving = axis_forces.motion_of(comparison, response)
     if comparison.channel(response).role == "displacement":
         # an error that is measured late is off by the way of the delay
         late = {"speed": moving.velocity_m_per_s * 1e3}
     else:
         simulated = comparison.simulated_course(response)
         late = {"rate of the simulated course": -1e-3 * rate(comparison, simulated)}
-    yield direct(comparison, response, late, {"in": Quantity(0.0, "1")})
-    drive = simulated_drive_force(comparison, comparison.channel(response).axis)
+    yield axis_forces.direct(comparison, response, late, {"in": Quantity(0.0, "1")})
+    drive = axes.simulated_drive_force(comparison, comparison.channel(response).axis)
     if drive is not None:
         # a force that comes late acts as a push of the delay times its rate
         pushed = {f"rate of {drive[0]}": 1e-3 * rate(comparison, drive[1])}
     else:
         pushed = {"jerk": 1e-3 * rate(comparison, moving.acceleration_m_per_s2, over_samples=5)}
-    yield from of_forces(comparison, response, pushed, {"in": Quantity(1.0, "1")}, of_motor=True)
+    yield from axis_forces.of_forces(comparison, response, pushed, {"in": Quantity(1.0, "1")}, of_motor=True)
 
 
 def _delay_reading(fitted: Fitted, comparison: Comparison) -> Reading:
     if fitted.variant.shape["in"].value == 0.0:
         delay = fitted.coefficient("ms")
-        late = "late" if delay.value > 0.0 or is_force(fitted, comparison) else "early"
+        late = "late" if delay.value > 0.0 or axis_forces.is_force(fitted, comparison) else "early"
         return Reading(
             f"Command or measurement is {delay.words(amount=True)} {late}: {fitted.size_words}.", {"delay_ms": delay}
         )
@@ -167,7 +151,7 @@ _FURTHEST_S = 10.0  #: Way behind, as the time in which the whole force would go
 
 def _saturation(comparison: Comparison, response: str) -> Iterator[Variant]:
     axis = comparison.channel(response).axis
-    told = simulated_axis(comparison, axis)
+    told = axes.simulated_axis(comparison, axis)
     loop = told or closed_loop(comparison, axis)
     for name, course, unit, kind in _limited(comparison, response):
         if told is not None and kind == 0.0:
@@ -184,7 +168,7 @@ def _saturation(comparison: Comparison, response: str) -> Iterator[Variant]:
             regime = f"|{name}| > {level:.3g} {unit}"
             for column, what in _shapes(comparison, response, loop, course, level, kind):
                 words = (f"{what} at the limit of {name}",)
-                sources = motion_of(comparison, response).sources
+                sources = axis_forces.motion_of(comparison, response).sources
                 bounds = ((0.0, np.inf),) if kind == 1.0 else None
                 yield Variant(column[:, None], words, shape, sources=sources, regime=regime, bounds=bounds)
     yield from _followers(comparison, response)
@@ -192,11 +176,11 @@ def _saturation(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 def _followers(comparison: Comparison, response: str) -> Iterator[Variant]:
     """What a position lacks that follows its command, or the simulation, no faster than a speed, behind a lag."""
-    channel, moving = comparison.channel(response), motion_of(comparison, response)
-    command = commanded(comparison, channel.axis)
+    channel, moving = comparison.channel(response), axis_forces.motion_of(comparison, response)
+    command = axes.commanded(comparison, channel.axis)
     asked = moving.position_m if command is None else command
     ways = asked, comparison.filled(comparison.recorded[response])
-    wanted, seen = (np.abs(derivatives(comparison, way)[0][~comparison.held_out]) for way in ways)
+    wanted, seen = (np.abs(axes.derivatives(comparison, way)[0][~comparison.held_out]) for way in ways)
     fastest = float(np.quantile(seen, _HARDLY))
     if channel.role != "position" or wanted.max() < _CLEARLY * fastest:
         return
@@ -224,7 +208,7 @@ def _slewed(command, time_s, starts, fastest):  # type: ignore[no-untyped-def]
 def _shapes(
     comparison: Comparison,
     response: str,
-    loop: SimulatedAxis | ClosedLoop | None,
+    loop: axes.SimulatedAxis | ClosedLoop | None,
     course: Vector,
     level: float,
     kind: float,
@@ -234,27 +218,27 @@ def _shapes(
     if kind == 1.0:
         yield np.clip(course, -level, level) - course, "motion that lacks"
     elif loop is None:
-        if role in FORCE_ROLES:
+        if role in axes.FORCE_ROLES:
             yield np.clip(course, -level, level) - course, "force that lacks"
     else:
         for winds_up in (True, False):
-            lacking, behind = held_back(comparison, loop, course, level, winds_up=winds_up)
+            lacking, behind = axis_forces.held_back(comparison, loop, course, level, winds_up=winds_up)
             # an integral part that winds up may take the axis anywhere
             if not np.abs(behind).max() < _FURTHEST_S**2 * np.abs(course).max():
                 continue
-            if role in FORCE_ROLES:
+            if role in axes.FORCE_ROLES:
                 yield lacking, "force that lacks"
             elif role in PLACE_ROLES:
                 yield scaled(behind), "way behind"
             else:
-                speed, acceleration = derivatives(comparison, scaled(behind))
+                speed, acceleration = axes.derivatives(comparison, scaled(behind))
                 yield speed if role == "velocity" else acceleration, "motion that lacks"
 
 
 def _limited(comparison: Comparison, response: str) -> Iterator[tuple[str, Vector, str, float]]:
     """What may have a limit: force of the drive, or acceleration if none is simulated; speed."""
-    moving = motion_of(comparison, response)
-    drive = simulated_drive_force(comparison, comparison.channel(response).axis)
+    moving = axis_forces.motion_of(comparison, response)
+    drive = axes.simulated_drive_force(comparison, comparison.channel(response).axis)
     if drive is not None:
         yield drive[0], drive[1], comparison.channel(drive[0]).unit, 0.0
     else:

@@ -9,19 +9,9 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant, declared
+from selector.diagnosis.shapes import signals
 from selector.diagnosis.shapes.axis import motion
 from selector.diagnosis.shapes.residual import unexplained
-from selector.diagnosis.shapes.signals import (
-    SLOWEST_VIBRATION_S,
-    by_run,
-    course,
-    excited,
-    lagged,
-    no_gauging,
-    part_by_part,
-    quick_time_constants,
-    time_constants,
-)
 from selector.diagnosis.shapes.spectral_lines import Line, course_of, lines, turns_of
 from selector.types import Vector
 
@@ -36,7 +26,7 @@ _JUMP = 0.3  #: Share of the range of a reading that no feed goes through betwee
 
 def _lag(comparison: Comparison, response: str) -> Iterator[Variant]:
     feeds = infeed(comparison)
-    if part_by_part(comparison, response):
+    if signals.part_by_part(comparison, response):
         for name, rate_um_per_s in feeds.items():
             shape = {"rows": Quantity(1.0, "part")}
             yield Variant(-rate_um_per_s[:, None], (f"infeed {name} at the stop",), shape, sources=(name,))
@@ -47,7 +37,7 @@ def _lag(comparison: Comparison, response: str) -> Iterator[Variant]:
     steps[list(comparison.starts[:-1])] = 0.0
     jumps = np.flatnonzero(steps > _JUMP * float(np.ptp(simulated)))
     for tau_s in _lags_s(comparison, response):
-        late = lagged(comparison, simulated, tau_s, settled=True) - simulated
+        late = signals.lagged(comparison, simulated, tau_s, settled=True) - simulated
         trailing = partial(Variant, shape={"tau_s": Quantity(tau_s, "s")}, bounds=_AS_A_WHOLE)
         yield trailing(late[:, None], (f"reading {tau_s:.3g} s late",))
         if len(jumps):
@@ -55,7 +45,7 @@ def _lag(comparison: Comparison, response: str) -> Iterator[Variant]:
             yield trailing(anew[:, None], (f"reading {tau_s:.3g} s late, anew on every part",))
     for name, rate_um_per_s in feeds.items():
         for tau_s in (0.0, *_lags_s(comparison, response)[2::3]):
-            column = -lagged(comparison, rate_um_per_s, tau_s)
+            column = -signals.lagged(comparison, rate_um_per_s, tau_s)
             words = f"infeed {name}" + (f", {tau_s:.3g} s later" if tau_s else "")
             yield Variant(column[:, None], (words,), {"transient_s": Quantity(tau_s, "s")}, sources=(name,))
 
@@ -66,7 +56,7 @@ def _late_anew(comparison: Comparison, simulated: Vector, jumps: NDArray[np.intp
     levels = np.zeros(len(simulated))
     levels[jumps] = steps[jumps]
     level = np.cumsum(levels)
-    late = lagged(comparison, simulated - level, tau_s, settled=True) - (simulated - level)
+    late = signals.lagged(comparison, simulated - level, tau_s, settled=True) - (simulated - level)
     for _, rows in comparison.rows_of_runs():
         begins = [*jumps[(jumps >= rows.start) & (jumps < rows.stop)], rows.stop]
         for first, last in pairwise(begins):
@@ -79,17 +69,17 @@ def infeed(comparison: Comparison) -> dict[str, Vector]:
     """Recorded infeeds that change [µm/s]."""
     found = {}
     for name in comparison.with_role(*_UM_PER_S):
-        values = course(comparison, name) * _UM_PER_S[comparison.channel(name).role]
-        if excited(values):
+        values = signals.course(comparison, name) * _UM_PER_S[comparison.channel(name).role]
+        if signals.excited(values):
             found[name] = values
     return found
 
 
 def _lags_s(comparison: Comparison, response: str) -> list[float]:
     if _is_other_reading(comparison, response):
-        taus = time_constants(comparison, 24)
-        return [*map(float, quick_time_constants(comparison, float(taus[0]))), *map(float, taus)]
-    taus = time_constants(comparison, 10)
+        taus = signals.time_constants(comparison, 24)
+        return [*map(float, signals.quick_time_constants(comparison, float(taus[0]))), *map(float, taus)]
+    taus = signals.time_constants(comparison, 10)
     low = max(_SPAN_S[0], 0.5 * comparison.period_s)
     return [float(tau_s) for tau_s in np.geomspace(low, max(min(_SPAN_S[1], float(taus[-1])), 2.0 * low), 10)]
 
@@ -107,8 +97,8 @@ def _is_other_reading(comparison: Comparison, response: str) -> bool:
 def _lag_testable(comparison: Comparison, response: str) -> str | None:
     if _is_other_reading(comparison, response):
         return None
-    reason = no_gauging(comparison, response)
-    if reason is None and part_by_part(comparison, response) and not infeed(comparison):
+    reason = signals.no_gauging(comparison, response)
+    if reason is None and signals.part_by_part(comparison, response) and not infeed(comparison):
         return "the infeed at the stop is not recorded (role feed_rate), or is the same for all parts"
     return reason
 
@@ -167,25 +157,25 @@ def _wheel_and_probe(every: list[tuple[str, tuple[str, ...], Vector]]) -> Iterat
 
 def _amounts(comparison: Comparison, response: str) -> Iterator[tuple[str, tuple[str, ...], Vector]]:
     """(words, channels, course) of what wear may go with: parts, time, contact, stock removed, since dressing."""
-    unit = "parts" if part_by_part(comparison, response) else "time"
+    unit = "parts" if signals.part_by_part(comparison, response) else "time"
     since_start = np.array(comparison.time_s)
     yield f"{unit} since the start of the run", (), since_start
     yield f"{unit} over all runs", (), _over_all_runs(comparison, since_start)
     steps = np.maximum(np.diff(comparison.time_s, prepend=comparison.time_s[:1]), 0.0)
     for name in comparison.with_role("state"):
-        state = course(comparison, name)
-        if not excited(state):
+        state = signals.course(comparison, name)
+        if not signals.excited(state):
             continue
         low, high = float(state.min()), float(state.max())
         on = (state - low) / (high - low)
-        contact = by_run(comparison, np.cumsum, on * steps)
+        contact = signals.by_run(comparison, np.cumsum, on * steps)
         yield f"time of {name}", (name,), contact
         yield f"time of {name} over all runs", (name,), _over_all_runs(comparison, contact)
         since = _since_rise(comparison, on > 0.5)
         if since is not None:
             yield f"{unit} since {name} last came on", (name,), since
     for name, rate_um_per_s in infeed(comparison).items():
-        removed = by_run(comparison, np.cumsum, np.abs(rate_um_per_s) * steps)
+        removed = signals.by_run(comparison, np.cumsum, np.abs(rate_um_per_s) * steps)
         yield f"stock removed by {name}", (name,), removed
         yield f"stock removed by {name} over all runs", (name,), _over_all_runs(comparison, removed)
 
@@ -224,13 +214,13 @@ _GROOVES = tuple(float(k) for k in range(1, 13))
 
 
 def _interrupted(comparison: Comparison, response: str) -> Iterator[Variant]:
-    parts = part_by_part(comparison, response)
+    parts = signals.part_by_part(comparison, response)
     ripples = list(_ripples(comparison, response))
     for name, share in _interruptions(comparison):
         for tau_s in (0.0,) if parts else _LAGS_S:
             if 0.0 < tau_s < comparison.period_s:
                 continue
-            smooth = lagged(comparison, share, tau_s, settled=True)
+            smooth = signals.lagged(comparison, share, tau_s, settled=True)
             shape = {"tau_s": Quantity(tau_s, "s")}
             yield Variant(smooth[:, None], (f"offset while {name}",), shape, sources=(name,), regime=f"{name} > 0")
         for order, columns in ripples:
@@ -249,8 +239,8 @@ def _interruptions(comparison: Comparison) -> Iterator[tuple[str, Vector]]:
     """
     feeding = [np.abs(rate_um_per_s) > 0.0 for rate_um_per_s in infeed(comparison).values()]
     for name in comparison.with_role("state"):
-        state = course(comparison, name)
-        if not excited(state):
+        state = signals.course(comparison, name)
+        if not signals.excited(state):
             continue
         share = (state - float(state.min())) / float(np.ptp(state))
         agrees = [float(np.mean(on == (share > 0.5))) for on in feeding if not on.all()]
@@ -260,11 +250,11 @@ def _interruptions(comparison: Comparison) -> Iterator[tuple[str, Vector]]:
 
 def _ripples(comparison: Comparison, response: str) -> Iterator[tuple[float, Vector]]:
     """Lines at whole numbers of grooves per turn that stand in the reading."""
-    if part_by_part(comparison, response) or comparison.period_s > SLOWEST_VIBRATION_S:
+    if signals.part_by_part(comparison, response) or comparison.period_s > signals.SLOWEST_VIBRATION_S:
         return
     left, even = unexplained(comparison, response), np.ones(len(comparison.time_s))
     for name in comparison.with_role("spindle_speed"):
-        rpm = np.abs(course(comparison, name))
+        rpm = np.abs(signals.course(comparison, name))
         if float(rpm.max(initial=0.0)) <= 0.0:
             continue
         abscissa = turns_of(comparison, rpm)
@@ -279,16 +269,16 @@ def _envelopes(comparison: Comparison, response: str) -> Iterator[Vector]:
     """Running strength of what is quick in the reading, where it changes by more than noise does."""
     left = unexplained(comparison, response)
     for width_s in (20.0 * comparison.period_s, 100.0 * comparison.period_s):
-        slow = lagged(comparison, left, width_s, settled=True)
-        strength = np.sqrt(lagged(comparison, (left - slow) ** 2, width_s, settled=True))
+        slow = signals.lagged(comparison, left, width_s, settled=True)
+        strength = np.sqrt(signals.lagged(comparison, (left - slow) ** 2, width_s, settled=True))
         middle = float(np.median(strength))
         if middle > 0.0 and float(np.quantile(strength, 0.95)) > 2.0 * middle:
             yield strength
 
 
 def _interrupted_testable(comparison: Comparison, response: str) -> str | None:
-    reason = no_gauging(comparison, response)
-    quick = comparison.period_s <= SLOWEST_VIBRATION_S and not part_by_part(comparison, response)
+    reason = signals.no_gauging(comparison, response)
+    quick = comparison.period_s <= signals.SLOWEST_VIBRATION_S and not signals.part_by_part(comparison, response)
     if reason is None and not quick and next(_interruptions(comparison), None) is None:
         return "no state of the surface is recorded (role state), and no reading in time that would show its ripple"
     return reason
@@ -307,6 +297,6 @@ def _interrupted_reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECTS = (
     declared("gauging.lag", _lag, _lag_testable, _lag_reading),
-    declared("gauging.wear", _wear, no_gauging, _wear_reading),
+    declared("gauging.wear", _wear, signals.no_gauging, _wear_reading),
     declared("gauging.interrupted", _interrupted, _interrupted_testable, _interrupted_reading),
 )

@@ -9,15 +9,6 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant, declared
 from selector.diagnosis.effects.thermal._wording import delay_of, late, place_of, told, with_place
 from selector.diagnosis.shapes import heating
-from selector.diagnosis.shapes.heating import (
-    lacking,
-    rise_parts,
-    shown_unit,
-    simulated_rise,
-    sources,
-    speed_power,
-    top_speed_rpm,
-)
 from selector.diagnosis.shapes.signals import excited, lagged, quick_time_constants, scaled, time_constants
 from selector.types import Vector
 
@@ -78,22 +69,25 @@ _EXPONENTS = (0.5, 1.0, 1.5, 2.0)
 
 
 def _instant_speed(comparison: Comparison, response: str) -> Iterator[Variant]:
-    name = sources(comparison, response).spindle or ""
+    name = heating.sources(comparison, response).spindle or ""
     place = place_of(comparison, name) or "spindle"
     for exponent in _EXPONENTS:
-        column, shape = speed_power(comparison, name, exponent), {"speed_exponent": Quantity(exponent, "1")}
+        column, shape = heating.speed_power(comparison, name, exponent), {"speed_exponent": Quantity(exponent, "1")}
         yield Variant(column[:, None], (f"({name} / its highest value)^{exponent:g}",), shape, place, (name,))
 
 
 def _instant_speed_testable(comparison: Comparison, response: str) -> str | None:
     lack = "no spindle speed that changes was recorded"
-    return lacking(comparison, response) or (lack if sources(comparison, response).spindle is None else None)
+    return heating.lacking(comparison, response) or (
+        lack if heating.sources(comparison, response).spindle is None else None
+    )
 
 
 def _instant_speed_reading(fitted: Fitted, comparison: Comparison) -> Reading:
     name = fitted.variant.sources[0]
+    unit, top_rpm = heating.shown_unit(fitted.unit), heating.top_speed_rpm(comparison, name)
     text = f"{fitted.response} shifts at once with {name}^{fitted.variant.shape['speed_exponent'].value:.2g}: "
-    text += f"{fitted.coefficients[0]:+.3g} {shown_unit(fitted.unit)} at {top_speed_rpm(comparison, name):.0f} rpm"
+    text += f"{fitted.coefficients[0]:+.3g} {unit} at {top_rpm:.0f} rpm"
     return told(fitted, text, at_top_speed=fitted.coefficient())
 
 
@@ -101,13 +95,13 @@ _MOST_SENSORS = 8
 
 
 def _interaction(comparison: Comparison, response: str) -> Iterator[Variant]:
-    known = sources(comparison, response)
+    known = heating.sources(comparison, response)
     names = known.machine[:_MOST_SENSORS]
-    rises = {name: rise_parts(comparison, response, name).calm for name in names}
+    rises = {name: heating.rise_parts(comparison, response, name).calm for name in names}
     for k, first in enumerate(names):
         for second in names[k:]:
             yield _product(comparison, (first, second), rises[first] * rises[second], "K²")
-    simulated = simulated_rise(comparison, response)
+    simulated = heating.simulated_rise(comparison, response)
     if excited(simulated):
         for name in names:
             yield _product(comparison, (response, name), simulated * rises[name], "")
@@ -123,8 +117,8 @@ def _product(comparison: Comparison, pair: tuple[str, str], product: Vector, uni
 
 
 def _interaction_testable(comparison: Comparison, response: str) -> str | None:
-    lack = lacking(comparison, response)
-    if lack or sources(comparison, response).machine or excited(simulated_rise(comparison, response)):
+    lack = heating.lacking(comparison, response)
+    if lack or heating.sources(comparison, response).machine or excited(heating.simulated_rise(comparison, response)):
         return lack
     return "no temperature of the machine that moves was recorded, and the simulated course stands still"
 
@@ -136,7 +130,7 @@ def _interaction_reading(fitted: Fitted, comparison: Comparison) -> Reading:
     other = "" if first == second else with_place(comparison, second)
     subject = f"the simulated {first}" if first == fitted.response else with_place(comparison, first)
     text = f"{fitted.response} goes with {subject} by an amount that depends on {slope}{other}: "
-    text += f"{fitted.coefficients[0]:+.2g} {shown_unit(fitted.unit)} a unit of their product"
+    text += f"{fitted.coefficients[0]:+.2g} {heating.shown_unit(fitted.unit)} a unit of their product"
     return told(fitted, text, product=Quantity(float(fitted.coefficients[0]), f"{fitted.unit}/K^2"))
 
 

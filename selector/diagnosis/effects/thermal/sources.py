@@ -9,25 +9,14 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant, declared
 from selector.diagnosis.effects.thermal._wording import delay_of, late, place_of, told, with_place
 from selector.diagnosis.shapes import heating
-from selector.diagnosis.shapes.heating import (
-    EARLIER,
-    heats,
-    lacking,
-    rise_parts,
-    says_other_source,
-    sources,
-    switched_on,
-    temperature_rise,
-    warm_starts,
-)
 from selector.diagnosis.shapes.signals import course, excited, in_run, lagged, scaled, time_constants
 from selector.types import Vector
 
 
 def _ambient(comparison: Comparison, response: str) -> Iterator[Variant]:
     taus = time_constants(comparison, 9)
-    for name in sources(comparison, response).hall:
-        risen = temperature_rise(comparison, name)
+    for name in heating.sources(comparison, response).hall:
+        risen = heating.temperature_rise(comparison, name)
         level = course(comparison, name)
         level = level - np.median(level[:5])
         for tau_s in (0.0, *taus):
@@ -44,7 +33,7 @@ def _ambient(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 def _ambient_testable(comparison: Comparison, response: str) -> str | None:
     lack = "no temperature of the hall that moves by more than its resolution was recorded"
-    return lacking(comparison, response) or (None if sources(comparison, response).hall else lack)
+    return heating.lacking(comparison, response) or (None if heating.sources(comparison, response).hall else lack)
 
 
 def _ambient_reading(fitted: Fitted, comparison: Comparison) -> Reading:
@@ -60,12 +49,12 @@ _COLDER = (-np.inf, 0.0)
 
 
 def _coolant(comparison: Comparison, response: str) -> Iterator[Variant]:
-    known = sources(comparison, response)
-    taus, apart = time_constants(comparison, 8), warm_starts(comparison, response)
+    known = heating.sources(comparison, response)
+    taus, apart = time_constants(comparison, 8), heating.warm_starts(comparison, response)
     # what warms a part when it is switched on is coolant only if somebody says so
     cools = not known.is_coolant_said and comparison.channel(response).role == "temperature"
     for name in known.coolant_switches:
-        on = switched_on(comparison, name)
+        on = heating.switched_on(comparison, name)
         levels = _levels(comparison, name) if not known.coolant_temperatures else []
         simulated = comparison.simulated_course(response)
         starts = [float(simulated[rows][0]) for _, rows in comparison.rows_of_runs()]
@@ -80,7 +69,7 @@ def _coolant(comparison: Comparison, response: str) -> Iterator[Variant]:
                 yield replace(shape, bounds=(_COLDER,) * len(some)) if cools else shape
             if np.any(apart) and not cools:
                 late_heats = [(*heat, tau_s) for heat in shapes[-1]]
-                left = EARLIER, apart * np.exp(-comparison.time_s / tau_s), 0.0
+                left = heating.EARLIER, apart * np.exp(-comparison.time_s / tau_s), 0.0
                 yield late(comparison, name, [*late_heats, left], taus_s=(tau_s,), regime=f"{name} on")
         for tau_s in taus[1::2] if levels and excited(warmth) else ():
             yield _of_coolant(comparison, name, [(name, on), drawn, *levels], tau_s)
@@ -91,7 +80,9 @@ def _coolant(comparison: Comparison, response: str) -> Iterator[Variant]:
     if not known.coolant_switches:
         for fluid in known.coolant_temperatures:
             for tau_s in (0.0, *taus):
-                yield _of_coolant(comparison, fluid, [(f"rise of {fluid}", temperature_rise(comparison, fluid))], tau_s)
+                yield _of_coolant(
+                    comparison, fluid, [(f"rise of {fluid}", heating.temperature_rise(comparison, fluid))], tau_s
+                )
 
 
 def _levels(comparison: Comparison, name: str) -> list[tuple[str, np.ndarray]]:
@@ -99,7 +90,7 @@ def _levels(comparison: Comparison, name: str) -> list[tuple[str, np.ndarray]]:
 
     How cold coolant is differs from day to day, and matters as much as that it runs where its temperature is unknown.
     """
-    on = switched_on(comparison, name)
+    on = heating.switched_on(comparison, name)
     wet = [run for run, rows in comparison.rows_of_runs() if (on * ~comparison.held_out)[rows].any()]
     if len(wet) > _MOST_LEVELS:
         return []
@@ -112,18 +103,18 @@ def _levels(comparison: Comparison, name: str) -> list[tuple[str, np.ndarray]]:
 def _colder(comparison: Comparison, response: str, fluid: str) -> Iterator[tuple[str, np.ndarray]]:
     """How much colder the coolant is than what it may flow over [K]."""
     temperature = course(comparison, fluid)
-    yield f"rise of {fluid}", temperature_rise(comparison, fluid)
-    for sensor in sources(comparison, response).machine[:_MOST_SENSORS]:
+    yield f"rise of {fluid}", heating.temperature_rise(comparison, fluid)
+    for sensor in heating.sources(comparison, response).machine[:_MOST_SENSORS]:
         yield f"{fluid} − {sensor}", temperature - course(comparison, sensor)
 
 
 def _of_coolant(comparison: Comparison, name: str, heats: list[tuple[str, np.ndarray]], tau_s: float) -> Variant:
     regime = f"{name} on" if comparison.channel(name).role != "temperature" else None
-    return late(comparison, name, [(*heat, tau_s) for heat in heats], taus_s=(tau_s,), regime=regime)
+    return late(comparison, name, [(*heat, tau_s) for heat in heating.heats], taus_s=(tau_s,), regime=regime)
 
 
 def _coolant_testable(comparison: Comparison, response: str) -> str | None:
-    lack, known = lacking(comparison, response), sources(comparison, response)
+    lack, known = heating.lacking(comparison, response), heating.sources(comparison, response)
     if lack or known.coolant_switches or known.coolant_temperatures:
         return lack
     return "no state, flow or temperature of the coolant that changes was recorded"
@@ -131,7 +122,7 @@ def _coolant_testable(comparison: Comparison, response: str) -> str | None:
 
 def _coolant_reading(fitted: Fitted, comparison: Comparison) -> Reading:
     what = with_place(comparison, fitted.variant.sources[0])
-    is_said = sources(comparison, fitted.response).is_coolant_said
+    is_said = heating.sources(comparison, fitted.response).is_coolant_said
     on = f"moves while {f'the coolant runs ({what})' if is_said else f'{what} is on'}"
     when = on if fitted.variant.regime else f"follows the coolant's temperature ({what})"
     return told(fitted, f"{fitted.response} {when} {delay_of(fitted)}")
@@ -145,8 +136,8 @@ _MOST_CHANNELS = 12
 
 def _second_source(comparison: Comparison, response: str) -> Iterator[Variant]:
     taus = time_constants(comparison, 8)
-    for name in sources(comparison, response).other_heat[:_MOST_CHANNELS]:
-        for words, heat in heats(comparison, name):
+    for name in heating.sources(comparison, response).other_heat[:_MOST_CHANNELS]:
+        for words, heat in heating.heats(comparison, name):
             for tau_s in taus:
                 yield late(comparison, name, [(words, heat, tau_s)])
             for pair in ((1, 4), (2, 6), (4, 7)):
@@ -161,15 +152,15 @@ def _second_source(comparison: Comparison, response: str) -> Iterator[Variant]:
 def _warm_places(comparison: Comparison, response: str) -> list[tuple[str, str, Vector]]:
     """Temperatures that the spindle does not account for: whole if hardly, else what it leaves of them."""
     found: list[tuple[float, str, str, Vector]] = []
-    for name in sources(comparison, response).machine:
-        parts = rise_parts(comparison, response, name)
+    for name in heating.sources(comparison, response).machine:
+        parts = heating.rise_parts(comparison, response, name)
         free, share = parts.unaccounted, parts.unaccounted_share
-        said = says_other_source(comparison.channel(name))
+        said = heating.says_other_source(comparison.channel(name))
         is_enough = share >= (_FREE_SHARE_IF_SAID if said else _FREE_SHARE)
         if not is_enough or not excited(free, comparison.resolution.get(name, 0.0)):
             continue
         if share > _OWN_SHARE or said:
-            found.append((share, name, f"rise of {name}", rise_parts(comparison, response, name).calm))
+            found.append((share, name, f"rise of {name}", heating.rise_parts(comparison, response, name).calm))
         if share < 0.95:
             found.append((share, name, f"what spindle and hall leave of {name}", free))
     found.sort(key=lambda one: one[0], reverse=True)
@@ -178,8 +169,10 @@ def _warm_places(comparison: Comparison, response: str) -> list[tuple[str, str, 
 
 def _second_source_testable(comparison: Comparison, response: str) -> str | None:
     lack = "no feed, current, power, state or temperature was recorded that shows a source other than the spindle"
-    short = lacking(comparison, response)
-    return short or (None if sources(comparison, response).other_heat or _warm_places(comparison, response) else lack)
+    short = heating.lacking(comparison, response)
+    return short or (
+        None if heating.sources(comparison, response).other_heat or _warm_places(comparison, response) else lack
+    )
 
 
 def _second_source_reading(fitted: Fitted, comparison: Comparison) -> Reading:
