@@ -110,7 +110,7 @@ def _colder(comparison: Comparison, response: str, fluid: str) -> Iterator[tuple
 
 def _of_coolant(comparison: Comparison, name: str, heats: list[tuple[str, np.ndarray]], tau_s: float) -> Variant:
     regime = f"{name} on" if comparison.channel(name).role != "temperature" else None
-    return late(comparison, name, [(*heat, tau_s) for heat in heating.heats], taus_s=(tau_s,), regime=regime)
+    return late(comparison, name, [(*heat, tau_s) for heat in heats], taus_s=(tau_s,), regime=regime)
 
 
 def _coolant_testable(comparison: Comparison, response: str) -> str | None:
