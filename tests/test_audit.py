@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from selector.audit import audit_patent, audit_table_text, checks, printed
+from selector.audit import audit_patent, audit_table_text, checks
 from selector.audit.checks import fewest_samples, r2_pair
 from selector.errors import InputError
 from selector.shipped import shipped
@@ -25,10 +25,10 @@ def test_every_printed_entry_has_a_line(lines):
     assert len([line for line in lines if line.item.startswith("r(")]) == 28
     assert len([line for line in lines if line.item.startswith("t(")]) == 28
     assert verdicts(lines, "row ") == ["agrees independently"] * 8
-    for model in (printed.Z_TWO_SENSORS, printed.Y_TWO_SENSORS, printed.Z_THREE_SENSORS, printed.Y_THREE_SENSORS):
+    for model in (checks.Z_TWO_SENSORS, checks.Y_TWO_SENSORS, checks.Z_THREE_SENSORS, checks.Y_THREE_SENSORS):
         shown = [line.printed for line in lines if line.item.startswith(f"{model.name}:")]
         assert [text.replace("−", "-") for text in shown] == list(model.printed)
-    for pair in printed.PAIRS:
+    for pair in checks.PAIRS:
         assert any(line.printed == f"{pair.r2:.4f}" for line in lines if line.item.startswith("R² of"))
         assert any(
             line.printed == f"{pair.adjusted_r2:.4f}" for line in lines if line.item.startswith("adjusted R² of")
@@ -85,7 +85,7 @@ def test_smallest_eigenvalue_is_the_known_one(lines):
 
 
 def test_a_wrong_printed_entry_is_found(monkeypatch):
-    closure = printed.CLOSURE.copy()
+    closure = checks.CLOSURE.copy()
     closure[2, 6] = 0.9988
     monkeypatch.setattr(checks, "CLOSURE", closure)
     wrong = [line for line in checks.closure_lines() if line.verdict == "contradicts"]
@@ -110,7 +110,7 @@ def test_a_disturbed_recording_is_found(tmp_path, lines):
     assert not any(item.startswith(("t(", "Z, two")) for item in changed)
 
 
-@pytest.mark.parametrize("pair", printed.PAIRS)
+@pytest.mark.parametrize("pair", checks.PAIRS)
 def test_fewest_samples_by_brute_force(pair):
     p = len(pair.sensors)
     exact = np.linspace(pair.r2 - 0.5e-4, pair.r2 + 0.5e-4, 20001)[1:-1]

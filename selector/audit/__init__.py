@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from selector.audit import checks
-from selector.audit.printed import SENSORS, AuditLine, audit_table_text
+from selector.audit.checks import SENSORS, AuditLine, audit_table_text
 from selector.errors import ReadError
 from selector.shipped import shipped
 

@@ -29,20 +29,20 @@ from selector.diagnosis.evidence.confirmation import (
     surely_refuted,
     worth_naming,
 )
-from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.discrepancy import beside_discrepancy
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
 from selector.diagnosis.evidence.gain import fit_of, gap_closed
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import TENTH, Search, numbers, search
+from selector.diagnosis.evidence.size import detectability
 from selector.diagnosis.evidence.transfer import borne_out, leaves_far_less, told_of_carried
 from selector.diagnosis.matching import usable
 from selector.diagnosis.mismatch.omnibus import Structure, comes_again, of_whole_record, told_of_wandering, unexplained
 from selector.diagnosis.mismatch.switching import Switched, gain_beside, places, switched, told_of_switches
 from selector.diagnosis.next_run.experiments import next_runs
 from selector.diagnosis.shapes.input_faults import InputFault, input_faults, told_of_inputs
-from selector.diagnosis.shapes.own_resonances import with_moved_resonances
+from selector.diagnosis.shapes.linear_response import with_moved_resonances
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.wording import headline, is_data
 from selector.types import Vector

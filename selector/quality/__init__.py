@@ -10,12 +10,11 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from selector.findings import Finding
-from selector.quality.bridging import bridged
 from selector.quality.broken_sensors import broken_sensors, frozen, out_of_range
 from selector.quality.completeness import clock_jumps, empty_channels, few_values, gaps, late_gauges, short_runs, starts
 from selector.quality.identity import duplicates, shared_rows, swapped
 from selector.quality.jumps import spikes, steps
-from selector.quality.leave_out import StreamWithoutFaults, stretches, without_faults
+from selector.quality.leave_out import StreamWithoutFaults, bridged, stretches, without_faults
 from selector.quality.siblings import leaving_group, relations_of, stuck_beside_siblings
 from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units

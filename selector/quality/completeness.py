@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from selector.findings import Finding, Level, Where
 from selector.number_text import span_text
-from selector.quality.bridging import GAP_PERIODS
 from selector.quality.finding_table import FINDINGS, GAUGE_BEGINS_LATE
 from selector.quality.jumps import line_at
-from selector.quality.leave_out import WINDOWS
+from selector.quality.leave_out import GAP_PERIODS, WINDOWS
 from selector.quality.survey import (
     MEASURED_ROLES,
     Series,

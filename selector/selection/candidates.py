@@ -12,8 +12,15 @@ from selector.models.design import ListedTerms, Term, hierarchical
 from selector.models.moments import within_one_standard_error
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
-from selector.sensors.fuzzy import FuzzyGroups, cut_beside, fuzzy_groups
-from selector.sensors.groups import FStatistic, LambdaAxis, Partition, lambda_axis
+from selector.sensors.groups import (
+    FStatistic,
+    FuzzyGroups,
+    LambdaAxis,
+    Partition,
+    cut_beside,
+    fuzzy_groups,
+    lambda_axis,
+)
 from selector.sensors.screening import ScreeningRound, fuzzy_round, screen
 from selector.sensors.similarity import Similarity, similarity_from_cross_products
 from selector.types import Array, Indices

@@ -21,8 +21,7 @@ from selector.selection.proving import MOST_FOLDS, fold_of_run
 from selector.selection.result import BEST_OF_SIZE, PROCEDURE, Known, Selection
 from selector.selection.survey import Survey
 from selector.sensors.finding_table import ROUND_WITHOUT_EFFECT
-from selector.sensors.fuzzy import between_finding
-from selector.sensors.groups import chaining_findings
+from selector.sensors.groups import between_finding, chaining_findings
 from selector.sensors.similarity import similarity_findings
 from selector.types import Array, Indices
 

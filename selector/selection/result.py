@@ -26,8 +26,7 @@ from selector.types import Array
 if TYPE_CHECKING:
     from statsmodels.regression.linear_model import RegressionResultsWrapper
 
-    from selector.sensors.fuzzy import FuzzyGroups
-    from selector.sensors.groups import LambdaAxis
+    from selector.sensors.groups import FuzzyGroups, LambdaAxis
 
 SCHEMA = "selector.selection/1"
 MOST_TOLD_FACTOR = 4.0  #: An error that is known to more than this cannot be told.

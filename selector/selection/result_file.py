@@ -17,8 +17,7 @@ from selector.selection.fitting import Recipe
 from selector.selection.library import Shape
 from selector.selection.options import Options
 from selector.selection.result import Combination, Known, Proof, RunProof, Selection, Trace
-from selector.sensors.fuzzy import FuzzyGroups
-from selector.sensors.groups import FStatistic, LambdaAxis, Partition, lambda_axis
+from selector.sensors.groups import FStatistic, FuzzyGroups, LambdaAxis, Partition, lambda_axis
 from selector.sensors.screening import ScreeningRound
 from selector.sensors.similarity import Similarity
 from selector.types import Array

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.sensors.finding_table import FINDINGS, ROUND_WITHOUT_EFFECT
-from selector.sensors.fuzzy import FuzzyGroups
-from selector.sensors.groups import Partition, closure_chain, lambda_cut, transitive_closure
+from selector.sensors.groups import FuzzyGroups, Partition, closure_chain, lambda_cut, transitive_closure
 from selector.sensors.similarity import sensor_names
 from selector.types import Array
 

@@ -18,7 +18,7 @@ from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
 from selector.diagnosis.evidence.size import is_like_parameters, is_little_in_one_run, of_practical_size
 from selector.diagnosis.matching.alignment import resolution
-from selector.diagnosis.matching.runs import pure_error, repeats
+from selector.diagnosis.matching.usable import pure_error, repeats
 from selector.diagnosis.shapes.signals import lagged
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel

@@ -9,8 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.linear_response import resonator
-from selector.diagnosis.shapes.own_resonances import with_moved_resonances
+from selector.diagnosis.shapes.linear_response import resonator, with_moved_resonances
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 

@@ -18,7 +18,7 @@ NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 CLAIMS = {
     "01": """
 import numpy as np
-from selector.audit.printed import CLOSURE
+from selector.audit.checks import CLOSURE
 assert np.allclose(closure, CLOSURE, atol=5e-5)  # four printed decimals
 assert len(groups.groups) == 2
 three = [step.partition for step in lambda_axis(SIMILARITY, SENSORS) if len(step.partition.groups) == 3]

@@ -6,8 +6,7 @@ from skfuzzy.cluster import cmeans
 
 from selector.errors import OptionError
 from selector.sensors import correlation_similarity
-from selector.sensors.fuzzy import between_finding, cut_beside, fuzzy_groups
-from selector.sensors.groups import lambda_axis, lambda_cut
+from selector.sensors.groups import between_finding, cut_beside, fuzzy_groups, lambda_axis, lambda_cut
 
 
 def readings(between=0.5, n=400, seed=3):

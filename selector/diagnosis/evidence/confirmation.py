@@ -21,7 +21,7 @@ from selector.diagnosis.evidence.search import (
     without,
 )
 from selector.diagnosis.evidence.size import is_like_parameters
-from selector.diagnosis.matching.runs import rms
+from selector.diagnosis.matching.usable import rms
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector

@@ -11,7 +11,7 @@ from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.moments import plain_fit
 from selector.diagnosis.evidence.naming import noise_floor
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.matching.runs import rms
+from selector.diagnosis.matching.usable import rms
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Vector
 

@@ -14,7 +14,7 @@ from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.recalibration import Recalibrated
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, numbers, without
-from selector.diagnosis.matching.runs import pure_error, rms
+from selector.diagnosis.matching.usable import pure_error, rms
 from selector.diagnosis.shapes.axis import motion
 from selector.diagnosis.shapes.force_response import PLACE_ROLES
 from selector.diagnosis.shapes.heating import sources

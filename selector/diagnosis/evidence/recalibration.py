@@ -10,7 +10,7 @@ from selector.diagnosis.effects.data.readings import known_factor
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.response import OF_MODEL, Bench
 from selector.diagnosis.evidence.testing import tail_probability
-from selector.diagnosis.matching.runs import rms
+from selector.diagnosis.matching.usable import rms
 from selector.types import Vector
 
 _DRAWS = 400

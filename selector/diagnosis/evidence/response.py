@@ -17,8 +17,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.evidence.moments import Moments, all_moderated, beside, inverse_of, moments, plain_fit
 from selector.diagnosis.evidence.noise import NoiseModel, filled_rows, noise_model, stretches, whitened, with_past
-from selector.diagnosis.matching.runs import repeats, rms
-from selector.diagnosis.matching.usable import rounding_of
+from selector.diagnosis.matching.usable import repeats, rms, rounding_of
 from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import by_run, rate

@@ -11,7 +11,7 @@ from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.testing import Tested, of_all, tail_probability, tests_of, together
-from selector.diagnosis.matching.runs import rms
+from selector.diagnosis.matching.usable import rms
 from selector.diagnosis.shapes.machine_cycle import MachineCycle
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector

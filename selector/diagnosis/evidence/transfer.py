@@ -20,7 +20,7 @@ from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.search import Search, numbers, unseen_rms
 from selector.diagnosis.finding_table import FINDINGS
-from selector.diagnosis.matching.runs import rms
+from selector.diagnosis.matching.usable import rms
 from selector.findings import Finding, Where
 from selector.types import Matrix, Vector
 

@@ -10,8 +10,15 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison, read_only
 from selector.diagnosis.finding_table import FINDINGS
-from selector.diagnosis.matching.runs import exchanged_runs, rms
-from selector.diagnosis.matching.usable import at_readings, rounding, without_codes, without_extremes, without_useless
+from selector.diagnosis.matching.usable import (
+    at_readings,
+    exchanged_runs,
+    rms,
+    rounding,
+    without_codes,
+    without_extremes,
+    without_useless,
+)
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import by_run, rate
 from selector.errors import InputError, OptionError

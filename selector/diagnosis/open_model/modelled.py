@@ -14,13 +14,20 @@ from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.gain import share_closed
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.alignment import comparison_of
-from selector.diagnosis.matching.runs import rms
-from selector.diagnosis.matching.usable import identical_responses
+from selector.diagnosis.matching.usable import identical_responses, rms
 from selector.diagnosis.mismatch.location import active_windows
-from selector.diagnosis.open_model.candidates import LEAST, Candidate, candidates, chosen, quick_noise, unseen_squares
 from selector.diagnosis.open_model.refitting import Refitted, Say, refitted, simulated_rows
 from selector.diagnosis.open_model.runnable import OwnModel, Runnable
-from selector.diagnosis.open_model.switches import ThroughModel, through_model
+from selector.diagnosis.open_model.switches import (
+    LEAST,
+    Candidate,
+    ThroughModel,
+    candidates,
+    chosen,
+    quick_noise,
+    through_model,
+    unseen_squares,
+)
 from selector.diagnosis.wording import headline, is_data
 from selector.diagnosis.workflow import diagnosis
 from selector.errors import InputError

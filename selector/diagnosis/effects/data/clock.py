@@ -7,7 +7,7 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import Part, everywhere, later_parts, single_runs, whole_runs
 from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant, declared, equally_likely
-from selector.diagnosis.matching.runs import rms
+from selector.diagnosis.matching.usable import rms
 from selector.diagnosis.shapes.input_faults import input_faults
 from selector.diagnosis.shapes.signals import by_run, excited, rate
 from selector.number_text import span_text
