@@ -16,10 +16,8 @@ __all__ = ["AuditLine", "audit_patent", "audit_table_text"]
 def audit_patent(recording: Path | None = None) -> tuple[AuditLine, ...]:
     """Every number that the patent prints, next to ours, with a verdict and the reason.
 
-    `recording` is a table with the columns of the shipped reconstruction ``patent8/recording.csv``, which is the
-    default.
-
-    Raises InputError: the reconstruction is missing or damaged.
+    `recording` is a table like the shipped reconstruction ``patent8/recording.csv``, the default. Raises InputError:
+    that is missing or damaged.
     """
     path = shipped("patent8") / "recording.csv" if recording is None else recording
     table = _table(path)

@@ -128,17 +128,12 @@ def fit(
     intercept: bool = True,
     ridge: float = 0.0,
 ) -> FittedModel:
-    """Least squares (QR) of a response on the terms of some variables.
+    """Least squares (QR) of a `response`, shape (n_samples,), on the terms of some variables.
 
-    Parameters
-    ----------
-    variables : ndarray of shape (n_samples, n_variables)
-        In physical units, in the order of `scaling`; rows of a run stand together in time order; nothing missing.
-    response : ndarray of shape (n_samples,)
-    runs : ndarray of int of shape (n_samples,), optional
-        Run of each row, 0-based and non-decreasing: residuals of different runs are independent.
-    ridge : float
-        Penalty λ: minimises ‖y − Xb‖²/n + λ‖b‖² over the scaled coefficients, intercept free.
+    `variables`, shape (n_samples, n_variables), are in physical units, in the order of `scaling`; rows of a run stand
+    together in time order; nothing is missing. `runs`, shape (n_samples,), is the run of each row, 0-based and
+    non-decreasing: residuals of different runs are independent. `ridge` is the penalty λ: minimised is
+    ‖y − Xb‖²/n + λ‖b‖² over the scaled coefficients, intercept free.
 
     Raises OptionError: fewer samples than coefficients.
     """

@@ -300,10 +300,10 @@ def spikes(survey: Survey) -> Iterator[Finding]:
 def steps(survey: Survey) -> Iterator[Finding]:
     """Findings ``step``: the level shifts between two samples and stays. O(samples).
 
-    It is a fault when nothing else happens then. It is not worth a word when a command changes that goes with jumps of
-    this channel elsewhere too. It is no fault when another channel jumps with it, or when the channel jumps up and
-    down again and again. It is in doubt when another channel changes its course just then, when it goes up and down
-    once, or when it is a displacement and no spindle speed is recorded: then it is a warning, and nothing is left out.
+    A fault when nothing else happens then; not worth a word when a command changes that goes with jumps of this channel
+    elsewhere too; no fault when another channel jumps with it, or when the channel jumps again and again. In doubt, and
+    a warning only, when another channel changes its course just then, when it goes up and down once, or when it is a
+    displacement and no spindle speed is recorded.
     """
     speed_known = bool(survey.columns("spindle_speed"))
     for column, series_at in _jumping(survey).items():

@@ -296,10 +296,8 @@ _FLOOR_K = 0.15
 def leaving_group(relations: Relations) -> Iterator[Finding]:
     """Findings ``drifts-from-group``: a temperature that from some time on no longer follows its siblings.
 
-    The relation is learned on the other runs, and what is usual too: nothing is said of fewer than three runs. The
-    stretch is left out only with four runs or more and when nothing but the sensor explains the departure
-    (`other_cause`); else the finding is a warning. O(samples) for the block means, then O(channels · runs) small
-    systems.
+    Learnt on the other runs, of which there are two at least. The stretch is left out only with three of them and where
+    nothing but the sensor explains it (`other_cause`); else the finding is a warning. O(samples).
     """
     if len(relations.runs) < 3:
         return
@@ -323,9 +321,9 @@ def leaving_group(relations: Relations) -> Iterator[Finding]:
 def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Finding]:
     """Findings ``stuck`` of channels whose resolution hides their noise: still while the siblings move. O(samples).
 
-    A stretch of equal samples is a fault when the siblings say that the channel must have moved by several steps of
-    its resolution, and in other stretches of that length in which they said so, it did. Where it only did so in runs in
-    which it never stands still as long, it is a warning, and nothing is left out: the others may be at fault, too.
+    A fault when the siblings say that it must have moved by several steps of its resolution, and in other stretches in
+    which they said so it did. Where that was only in runs in which it never stands still as long, it is a warning: the
+    others may be at fault, too.
     """
     quanta = [survey.quantum(column) for column in relations.columns]
     longest = [longest_still(survey, run, relations.columns, quanta) for run in relations.runs]

@@ -309,10 +309,9 @@ def best_by_size(trials: Sequence[Trial]) -> dict[int, Trial]:
 
 
 def _safest(equal: Sequence[Trial], bench: Bench) -> list[Trial]:
-    """Of equal sets those with little risk.
+    """Of equal sets those with little risk: what the worst fault of a sensor moves, times the root of the largest VIF.
 
-    The risk is what the worst fault of a sensor moves, times the root of the largest VIF: what collinearity makes of
-    the standard error of a coefficient. It counts `SAFER` times where two alike sensors work against each other.
+    It counts `SAFER` times where two alike sensors work against each other.
     """
     if len(equal) == 1:
         return list(equal)

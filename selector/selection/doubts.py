@@ -55,8 +55,7 @@ PENALTY = 3.0
 def regime_findings(selection: Selection) -> Iterator[Finding]:
     """Stretches of consecutive runs whose unseen errors share a sign and a size that neighbours do not have.
 
-    The mean held-out error of each run is segmented in the order of recording; the gain in squared error is compared
-    with that of shuffled runs, so that scatter from day to day is no regime.
+    What is gained is compared with that of shuffled runs, so that scatter from day to day is no regime.
     """
     proof = selection.proof
     for name in selection.models if proof.left_out == "run" else ():

@@ -82,9 +82,7 @@ def fixed_set(
 ) -> FixedSet:
     """The linear models of a set of sensors; `ranges` has the smallest and largest value of every sensor.
 
-    A stuck sensor reads zero of a rise, else its mean: absolute readings have no natural start.
-
-    Raises OptionError: fewer complete samples than coefficients.
+    A stuck sensor reads zero of a rise, else its mean. Raises OptionError: fewer complete samples than coefficients.
     """
     library, scaling = bench.library, bench.library.scaling.only(sensors)
     n, k = bench.n_samples, 1 + len(sensors)
@@ -184,10 +182,7 @@ class Exploration:
     def of(
         cls, source: RunSource, options: Options | None = None, *, progress: Progress | None = None
     ) -> "Exploration":
-        """Read the recordings.
-
-        Sensors in `options.never` are read too, so that they can be allowed later; terms other than linear ones are
-        not explored.
+        """Read the recordings, sensors in `options.never`, too, so that they can be allowed later; only linear terms.
 
         Raises OptionError: the options do not fit the recordings, or the recordings cannot support a model.
         """
@@ -296,8 +291,7 @@ class Exploration:
     def fixed(self, sensors: Sequence[str]) -> FixedSet:
         """The linear models of a set of sensors, which may hold those of --never too.
 
-        Raises OptionError: a sensor is unknown or cannot be used, or there are fewer complete samples than
-        coefficients.
+        Raises OptionError: a sensor cannot be used, or there are fewer complete samples than coefficients.
         """
         wanted = tuple(name for name in self.available if name in set(sensors))
         unknown = [name for name in sensors if name not in self.available]

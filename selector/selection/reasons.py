@@ -170,9 +170,8 @@ def reasons_of(grouping: Grouping, sensors: Sequence[str], chosen: Sequence[str]
 def stability_of(question: Question, library: Library, grouping: Grouping, choice: Choice) -> dict[str, float]:
     """How often each chosen sensor, or one of its group, is in the best set of the same size and shape.
 
-    Bootstrap over the folds (runs, or blocks of few runs): `BOOTSTRAP_SAMPLES` resamples with replacement; in each, the
-    compared set that predicts best what the resample leaves out. A choice that flips with the runs is no property of
-    the machine.
+    Bootstrap over the folds: `BOOTSTRAP_SAMPLES` resamples; in each, the compared set that predicts best what it leaves
+    out.
     """
     trial = choice.trial
     same_size = [other for other in choice.alike if len(other.set.sensors) == len(trial.set.sensors)]

@@ -240,10 +240,8 @@ Errors = Mapping[Plan, Array]
 def _best_plan(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array) -> tuple[dict[Offer, Plan], Plan]:
     """The best plan of each offer, and of these the poorest that predicts unseen parts about as well as the best does.
 
-    A richer offer has to be as good as the best poorer one for every response, and better over all, both by standard
-    errors of the differences part by part; with fewer sensors it need not be clearly better. With the patent's rule the
-    richest offer stands, as its rule knows no unseen data; so it does with a target, as the cheapest of all sets is
-    wanted.
+    A richer offer has to be as good for every response, and better over all; with fewer sensors it need not be clearly
+    better. With the patent's rule, which knows no unseen data, and with a target the richest offer stands.
     """
     unit = _unit(question, unseen, spread)
     errors = {plan: one.rmse_um / unit for plan, one in unseen.items()}

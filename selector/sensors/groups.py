@@ -296,11 +296,10 @@ class Dendrogram:
 def lambda_cut(similarity: ArrayLike, level: float, names: Sequence[str] = ()) -> Partition:
     """Groups of sensors with t_ij ≥ `level` in the transitive closure, P step 3.
 
-    `similarity` of shape (n_sensors, n_sensors) may be the relation or its closure; the cut is the same. A cut
-    exactly at a closure level is exact: nothing is computed but comparisons.
+    `similarity` of shape (n_sensors, n_sensors) may be the relation or its closure; the cut is the same. A cut exactly
+    at a closure level is exact.
 
-    Raises InputError as for `selector.sensors.groups.closure_chain`. Raises OptionError: the level is not within [-1,
-    1].
+    Raises InputError as for `closure_chain`, OptionError: the level is not within [-1, 1].
     """
     _checked_level(level)
     chain = closure_chain(similarity)

@@ -82,8 +82,7 @@ def screen(
     `levels` are the λ of each round, `must` is as for `representatives`; sensors that do not move (`constant`)
     represent nothing and are dropped in the first round unless in `must`.
 
-    Raises InputError or OptionError as for `representatives` and `selector.sensors.groups.lambda_cut`; or there is no
-    level.
+    Raises InputError or OptionError as for `representatives` and `lambda_cut`; or there is no level.
     """
     s = np.asarray(similarity, dtype=np.float64)
     n = len(closure_chain(s).order)

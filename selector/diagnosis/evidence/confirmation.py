@@ -96,8 +96,7 @@ def confirmation(found: Search, id: str) -> Confirmation:  # noqa: A002 - the co
 def confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     """The named effect; suspected only, where it ought to show on held-out rows and gains nothing there.
 
-    What acts there has to make the error itself smaller, as the filter may make much of what is quick; what takes a
-    quarter of its square is borne out, of whatever size. A frozen reading is proved by its equal readings.
+    A frozen reading is proved by its equal readings.
     """
     told = confirmation(found, id_)
     effect = named_effect(comparison, found, id_, is_borne_out=told.bears_out)
@@ -128,10 +127,9 @@ def surely_refuted(comparison: Comparison, found: Search) -> list[Structure]:
 
 
 def worth_naming(comparison: Comparison, found: Search) -> Search:
-    """Without effects that are a trifle beside the largest: shapes are not exact to the last percent.
+    """Without effects that are a trifle beside the largest, or beside the mismatch if unseen rows do not bear them out.
 
-    In noise that wanders, the mean square hardly falls by what is quick and sure; how large its course is counts, too.
-    Nor what is a trifle beside the mismatch and gains nothing on held-out rows, where it ought to.
+    In noise that wanders the mean square hardly falls by what is quick and sure: how large its course is counts, too.
     """
     named = {id_: named_effect(comparison, found, id_) for id_ in found.named}
     least = TRIFLE * max((effect.share for effect in named.values()), default=0.0)
@@ -236,9 +234,8 @@ def _is_the_same(bench: Bench, base: Matrix | None, v: int, k: int) -> bool:
 def not_ruinous(comparison: Comparison, found: Search) -> Search:
     """The search without names in responses whose error on unseen rows they make far larger; the least clear first.
 
-    What ruins one response may be well borne out in the others, and stays there. So does physics that explains most of
-    fitted and, at another size, of unseen rows: a coolant that works less the more of it there is is a coolant. Where
-    only its best shape ruins them, an effect has the next best one.
+    Physics that explains most of fitted and, at another size, of unseen rows stays: a coolant that works less the more
+    of it there is is a coolant. Where only its best shape ruins them, an effect has the next best one.
     """
     while True:
         ruined = [
@@ -295,8 +292,7 @@ def _is_of_its_course(comparison: Comparison, found: Search, id_: str, response:
 def _growth(found: Search, id_: str, response: str) -> float:
     """Times by which the held-out error of a response grows with an effect; 0 where it takes less than it gives.
 
-    Compared with the simulation without it, recalibrated or as it was given, whichever is nearer. What it gives is the
-    fall of the mean square in the fitted rows.
+    Compared with the simulation without it, recalibrated or as it was given, whichever is nearer.
     """
     bench, named = found.benches[response], numbers(found.named, response)
     others = [other for other in named if other != found.named[id_][response]]
@@ -316,9 +312,7 @@ def held_out_faults(
 ) -> tuple[NamedEffect, ...]:
     """Faults of the data in one held-out run that explain why it is off, and the rest of it as quiet as elsewhere.
 
-    Held-out rows may be off because the model does not carry that far; the end of an only run is no other run. A fault
-    is named only where nothing is missing in the fitted rows, the simulation is clearly off in the held-out ones, and
-    with the fault as good as elsewhere.
+    Held-out rows may be off because the model does not carry that far; the end of an only run is no other run.
     """
     if found.named or len(comparison.runs) == 1:
         return ()

@@ -109,8 +109,7 @@ def _placebo(
 ) -> Quantity | None:  # fmt: skip
     """Share of the gap that the same columns close when they are shifted in time, several shifts of every run.
 
-    Median and range of the shifts: one that hardly shows where it is fitted may do any harm elsewhere. They are fitted
-    by plain least squares, their coefficients moderated as those of the named shapes are.
+    Median and range of the shifts: one that hardly shows where it is fitted may do any harm elsewhere.
     """
     gap = rms(middle[held]) - floor
     if gap <= 0.02 * floor or not held.any():

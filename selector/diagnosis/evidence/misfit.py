@@ -49,11 +49,7 @@ def misfit(bench: Bench, named: Sequence[int], *, seed: int) -> float:
 
 
 def _of_repeats(bench: Bench, left: Vector, draw: np.random.Generator) -> float:
-    """The same of what differs between runs of one programme, where there are any: no shape should gain by it.
-
-    Such runs have the same shapes; what they leave differs by noise alone. All shapes are asked: what one run has is
-    seen by few of them.
-    """
+    """The same of what differs between runs of one programme, by noise alone: no shape should gain by it."""
     shapes = [one.columns.start for one in bench.candidates]
     place = np.full(len(bench.target), -1)
     place[bench.rows] = np.arange(len(bench.rows))

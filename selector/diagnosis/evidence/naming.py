@@ -194,8 +194,7 @@ def _twins(comparison: Comparison, found: Search, response: str, id_: str, fitte
 def as_carried(effect: NamedEffect, found: Search) -> NamedEffect:
     """The effect no less sure than the part of the gap that it surely closes on unseen rows, up to a half.
 
-    Where more than noise is left, or where the fitted rows are for another one, these rows have chosen it: of laws that
-    are all somewhat wrong, that of the largest likelihood in the fitted rows is not the likeliest.
+    Of what these rows have chosen: of laws that are all somewhat wrong the likeliest of fitted rows is not the best.
     """
     gap = found.closed.get(effect.id)
     is_chosen = effect.id in found.ahead or effect.confidence < _GUESS

@@ -417,8 +417,7 @@ def _beside(known: Matrix, column: Vector) -> float:
 def _delayed(comparison: Comparison, response: str, simulated: Vector, fitted: NDArray[np.bool_]) -> Vector:
     """What a delay changes in the simulated course, per second of it; a derivative where no delay fits.
 
-    Where a course bends within a sample its derivative is not what a delay by a part of the sample makes of it. A delay
-    of many samples has to leave clearly less beside noise than the derivative, or a lag would be exchanged for it.
+    A delay of many samples has to leave clearly less beside noise, or a lag would be exchanged for it.
     """
     slope, difference = -rate(comparison, simulated), comparison.difference(response)[fitted]
     known = np.column_stack([np.ones(len(simulated)), simulated])

@@ -397,11 +397,7 @@ def _retested(benches: Benches, named: Named, given: _Given) -> Named:
 
 
 def _with_fewer(benches: Benches, named: Named, given: _Given) -> Named:
-    """Without names that another one needs for its shape only: beside the shape that it has without them they add none.
-
-    What resists in proportion to speed, and more in one direction, is viscous friction and friction of that direction,
-    or one friction that differs by direction.
-    """
+    """Without names that another needs for its shape only: beside the shape that it has without them they add none."""
     for name in reversed(named):
         others = without(named, name)
         for other in others:
@@ -447,8 +443,7 @@ def _tells(bench: Bench, v: int) -> bool:
 def _by_all_rows(benches: Benches, beside: Mapping[str, Standing], others: Named, id_: str) -> dict[str, Standing]:
     """An effect, and what fitted rows do not tell from it, with the score that the unseen rows leave to each.
 
-    Who says of these what is not there makes them less likely. To the score comes what the best shape of the fitted
-    rows gains more where all rows are fitted, in noise of the size that the effect leaves of them.
+    To it comes what the best shape of the fitted rows gains more where all are fitted, in noise as large as is left.
     """
     least = beside[id_].score - _TOLD_APART
     may = {name: one for name, one in beside.items() if name == id_ or one.score > least}
@@ -541,11 +536,7 @@ def is_slow_in_one_run(bench: Bench, v: int) -> bool:
 
 
 def _unseen_share(benches: Benches, others: Named, of: Mapping[str, int], rival: Mapping[str, int]) -> float:
-    """How far a rival makes unseen errors fall, in parts of what an effect does: in the response that it does worst.
-
-    Counted are the responses that the effect makes better by a tenth or more; of one that makes none better, all, in
-    parts of a tenth.
-    """
+    """How far a rival makes unseen errors fall, in parts of what an effect does: in the response that it does worst."""
     falls = []
     for name, v in of.items():
         base = numbers(others, name)

@@ -96,10 +96,8 @@ def _is_little_beside_own(comparison: Comparison, found: Search, effect: NamedEf
 def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tuple[NamedEffect, ...]]:
     """The search with names that matter alone, and those that are only seen, too.
 
-    Where what is left is not noise alone, everything is significant. If all names together explain less than two fifths
-    of what is above the noise, less than three quarters of what is little in one run, or a mismatch that does not
-    matter, the mismatch is something else. A frozen reading is proved by its equal readings. What explains less than a
-    hundredth is not told of.
+    Where what is left is not noise alone, everything is significant: a mismatch of which names explain too little, or
+    that does not matter, is something else. A frozen reading is proved by its equal readings.
     """
     trifles = {
         name for name, times in found.misfit.items() if _is_trifle(comparison, found, name, is_noise=times == 1.0)
@@ -157,9 +155,8 @@ def _beside(comparison: Comparison, found: Search, id_: str, of: Mapping[str, in
 def is_small(comparison: Comparison, found: Search, response: str, size: float = np.inf) -> bool:
     """Whether what recalibration leaves of a response, or structure of a `size` [unit] in it, is too little to matter.
 
-    That is what repeats of a programme differ by as well, or a step of the reading, unseen rows too; a trifle of what
-    was recorded; and little of it, where recalibration has made the error much smaller, in unseen rows as well: that is
-    what is to be done first.
+    That is what repeats differ by as well, a step of the reading, a trifle of what was recorded; or little of it, where
+    recalibration, which is to be done first, has made the error much smaller.
     """
     is_little = size < _LITTLE_BESIDE * _movement(comparison, found, response) and is_recalibrated(found, response)
     is_little &= _of_movement(comparison, found, response) < _ALL_LEFT
@@ -236,11 +233,7 @@ def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) 
 
 
 def _movement(comparison: Comparison, found: Search, response: str) -> float:
-    """How far a response moves, or a position is off its command.
-
-    That is 0, and not known, where the only commands are of another unit, or of another axis: such a position is
-    further off them than it moves.
-    """
+    """How far a response moves, or a position is off a command; 0, unknown, beside commands of other axes or units."""
     of, command = comparison.recorded[response], _kept_at(comparison, response)
     fitted = found.benches[response].fitted
     moved = float(np.nanstd(of[fitted]))

@@ -210,8 +210,7 @@ def together(evidence: Sequence[Vector | float]) -> Vector:
 def of_all(tested: Sequence[Tested]) -> tuple[float, Vector]:
     """Evidence of an effect in several responses, and that of noise in every draw.
 
-    As likely as not the shape is one and the same wherever it shows: a clock that is late is late in all that it
-    stamps, and a lead is as long for the force as for the way. Then the responses share what choosing the shape costs.
+    As likely as not the shape is the same wherever it shows; then the responses share what choosing it costs.
     """
     apart = together([one.evidence for one in tested])
     apart_noise = together([one.noise for one in tested])

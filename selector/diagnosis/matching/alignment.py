@@ -34,11 +34,7 @@ _ROLE, _UM = "displacement", 1e6
 
 
 def with_following_errors(comparison: Comparison) -> Comparison:
-    """The comparison with these channels as displacements [µm], which are errors; each is told as a finding.
-
-    Such a channel hardly moves beside the command of its axis and does not go with it, but with its speed, acceleration
-    and sense.
-    """
+    """The comparison with positions that are errors behind a command as displacements [µm], each told as a finding."""
     names = {
         channel.name
         for channel, one in itertools.product(comparison.channels, comparison.channels)
@@ -151,9 +147,7 @@ _SAME = 0.03  #: Part by which runs may differ that are the same in another unit
 def require_same_time_unit(durations_s: Mapping[str, tuple[float, float]]) -> None:
     """Ends with an error when every simulated run is the recorded one in a smaller unit of time.
 
-    `durations_s` is run → duration of what was recorded and of what was simulated [s].
-
-    Raises InputError: every run is longer by the same factor between units.
+    `durations_s` is run → duration of what was recorded and of what was simulated [s]. Raises InputError if so.
     """
     ratios = {run: simulated / recorded for run, (recorded, simulated) in durations_s.items() if recorded > 0.0}
     for factor in _TIME_UNITS:
@@ -170,9 +164,7 @@ def require_same_time_unit(durations_s: Mapping[str, tuple[float, float]]) -> No
 
 
 def partly_simulated(covered: Mapping[str, Mask]) -> list[Finding]:
-    """Findings ``partly-simulated`` of runs that the simulation covers in part.
-
-    `covered` is run → recorded rows at which the simulation has a value, shape (n_rows,).
+    """Findings ``partly-simulated``; `covered` is run → rows where the simulation has a value, of shape (n_rows,).
 
     Raises InputError: it covers less than a tenth of every run.
     """

@@ -41,9 +41,7 @@ def without_extremes(comparison: Comparison) -> Comparison:
 def at_readings(comparison: Comparison) -> Comparison:
     """The rows at which responses were read, where some were read more rarely than the rows follow each other.
 
-    A response that was read in every fifth row, as a slower logger writes it, says nothing about the four between. All
-    responses are compared at its readings. Where others would lose too much by that, it is left out instead, with a
-    finding that says how to compare it by itself.
+    A response that would make others lose too much by that is left out instead, as a finding says.
     """
     every = {name: _rows_between(comparison, name) for name in comparison.responses}
     seldom = {name: count for name, count in every.items() if count > SELDOM}

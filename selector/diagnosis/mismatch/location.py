@@ -250,11 +250,10 @@ _TRIFLE = 0.002  #: Windows with a smaller share of a course are not worth a wor
 
 
 def active_windows(comparison: Comparison, response: str, course: Vector) -> tuple[Place, ...]:
-    """Windows in which something acts.
+    """Windows in which something acts, with the state of the machine that tells when; `share` is of the sum of squares.
 
     `course` is an effect's fitted course, which acts where it is at least a quarter of its largest amount, or a
-    residual, in which it acts where that is more than quiet noise. What acts in most of a run acts in all of it. A
-    state of the machine stands beside the windows if it tells when they are. `share` is of the course's sum of squares.
+    residual, in which it acts where that is more than quiet noise. What acts in most of a run acts in all of it.
     """
     clean = np.nan_to_num(course)
     if _is_clean(comparison, course):

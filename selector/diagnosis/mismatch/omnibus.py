@@ -444,8 +444,7 @@ _LITTLE, _LINES, _BY_CHANCE = 0.25, 3, 0.01
 def comes_again(comparison: Comparison, residual: Vector, of: Structure) -> bool:
     """Whether structure is more than a little beside noise, or is in unseen rows as well, at the same frequencies.
 
-    What wanders in every run in its own way has lines, too, and no cause that a channel or another run would show. Only
-    what is of frequencies alone, and slow, is asked that: how large it is beside noise is not known of what is quick.
+    Asked of what is slow and of frequencies alone: how large it is beside noise is not known of what is quick.
     `residual` (n_rows,) is that of its response [its unit], NaN where missing.
     """
     is_slow = of.frequency_hz is not None and of.frequency_hz[0] * comparison.period_s < 1.0 / LONGEST_NOISE_PERIOD

@@ -44,8 +44,8 @@ def with_longest_steps(
 ) -> Runnable:
     """The model with the longest internal steps that give what those of its file give, to within a trifle of the noise.
 
-    A search simulates some hundred times. Steps are doubled until it is told; other models than those of heat are
-    given back as they are. `responses` and `holdout` are those of `alignment.comparison_of`.
+    Other models than those of heat are given back as they are. `responses` and `holdout` are those of
+    `alignment.comparison_of`.
 
     Raises InputError: the recordings cannot drive the model, or nothing can be compared.
     """

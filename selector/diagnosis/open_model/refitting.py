@@ -122,11 +122,9 @@ def simulated_rows(comparison: Comparison, simulation: Recording) -> dict[str, V
 def noise_of(fit: RefitProblem, slopes: "_Slopes", *, repeated: bool = False) -> dict[str, NoiseModel]:
     """What counts as one standard deviation of every response: the size of what its parameters leave of it.
 
-    What is left holds what the model lacks. A filter that made it white would weigh its fast part most, where the model
-    is wrong most often, and a weight by how long it lasts those responses least that lack something; an even weight
-    finds the parameters that make all errors small. It is what parameters leave that nothing holds: a wrong name plate
-    is no noise. With `repeated` readings that repeat each other count once: for intervals. Of a recording that equals
-    its simulation rounding is left: less is no standard deviation.
+    A filter that made it white would weigh its fast part most, where the model is wrong most often; an even weight
+    finds the parameters that make all errors small. With `repeated` readings that repeat each other count once: for
+    intervals. Of a recording that equals its simulation rounding is left.
     """
     found, kept = {}, ~fit.comparison.held_out
     for name in fit.comparison.responses:
@@ -362,8 +360,7 @@ def _known(fit: RefitProblem, earlier: Refitted | None) -> dict[str, dict[str, V
 def _fitted(fit: RefitProblem, z: Vector, slopes: _Slopes) -> _Start:
     """Parameters with the smallest weighted residual, in standard deviations of the nameplate, and slopes there.
 
-    Gauss–Newton steps within the limits, shortened until they gain. The noise is estimated anew before each; slopes are
-    mended by every step, and taken anew where a step does less than they said, and where it has settled.
+    Gauss–Newton steps within the limits, shortened until they gain; slopes are taken anew where they do not hold.
     """
     if not fit.names:
         return z, slopes

@@ -401,8 +401,6 @@ def candidates(fitted: Refitted, through: ThroughModel, of_first: Mapping[str, f
     """Every way of `through` to change the model, the largest gain first; the best of them weighed by what each leaves.
 
     Shares are those of what recalibration left, of which `of_first` is still there, response by response.
-
-    At first what changes from sample to sample is the noise: what is left of a response that lacks an effect is none.
     """
     problem = _Problem(fitted, of_first or dict.fromkeys(fitted.comparison.responses, 1.0))
     quick = {name: quick_noise(fitted.comparison, name) for name in problem.names}

@@ -415,8 +415,7 @@ def _linearised(moving: Motion, distance: float) -> tuple[Vector, Vector]:
 def pushed(comparison: Comparison, axis: SimulatedAxis, push: Vector, yield_s2: float = 0.0) -> Pushed:
     """The answer of a simulated axis to a push per mass, shape (n_rows,), from rest at the first row of each run.
 
-    With `yield_s2` the push and the dry friction act on a table that yields by so much per force against the motor;
-    the way is that of the table.
+    With `yield_s2` push and dry friction act on a table, whose way it is, that yields so much per force of the motor.
     """
     way, speed, acceleration, countered = np.zeros((4, len(push)))
     for _, rows in comparison.rows_of_runs():

@@ -53,11 +53,7 @@ class InputFault:
 
 @lru_cache(maxsize=8)
 def input_faults(comparison: Comparison) -> tuple[InputFault, ...]:
-    """Faults of the recorded channels that are no responses, in fitted and in held-out runs.
-
-    A jump, a frozen or drifting reading and exchanged channels are told by the course of the channel itself and by
-    its siblings (channels of temperature that it followed in other runs, or before); see `selector.quality`.
-    """
+    """Faults of the recorded channels that are no responses, in fitted and in held-out runs; see `selector.quality`."""
     faults: list[InputFault] = []
     for finding in _inspected(comparison):
         known = finding.id in _IDS and finding.level != "info" and finding.where.run is not None

@@ -19,17 +19,7 @@ def adjusted_r2(r2: float, n_samples: float, n_terms: int, intercept: bool = Tru
     Without an intercept the formula changes to 1 - m/(m-p)·(1 - R²), **and so does R² itself**: it then measures
     against zero instead of the mean. Never rank models with and without an intercept together by it.
 
-    Parameters
-    ----------
-    r2 : float
-        Share of the sum of squares explained, about the mean with an intercept, about zero without.
-    n_samples, n_terms : number
-        Terms do not count the intercept.
-
-    Returns
-    -------
-    float
-        NaN when there are not more samples than coefficients.
+    `n_terms` does not count the intercept. NaN when there are not more samples than coefficients.
     """
     free = n_samples - n_terms - intercept
     return 1.0 - (n_samples - intercept) / free * (1.0 - r2) if free > 0 else math.nan

@@ -90,21 +90,11 @@ def best_subsets(
 ) -> SubsetSearch:
     """The exact `n_best` subsets of least residual sum of squares of every size.
 
-    Parameters
-    ----------
-    cross : array of shape (p + 1, p + 1)
-        Cross-products about the means, response last (`cross_products`); about zero if `intercept` is False.
-    n_samples : number
-        Samples behind `cross`; only the criteria depend on it.
-    max_size : int, optional
-        Default: all columns, but no more than leave one degree of freedom.
-    must : iterable of int
-        Columns that are in every set.
-    factor : array of shape (p + 1, p + 1), optional
-        `factor_from_rows` of the same samples: the reported RSS are then computed from it, to more digits.
-    time_limit_s : float, optional
-        After it the best so far is returned with its gap. Every core has its own sizes to search and looks at the clock
-        about every 0.02 s; between, no Python runs. KeyboardInterrupt passes through.
+    `cross`, shape (p + 1, p + 1), are cross-products about the means, response last (`cross_products`); about zero if
+    `intercept` is False. Only the criteria depend on `n_samples`. `max_size` is by default as many columns as leave one
+    degree of freedom; columns in `must` are in every set. With the `factor_from_rows` of the same samples the reported
+    RSS have more digits. After `time_limit_s` the best so far is returned with its gap: every core has its own sizes to
+    search and looks at the clock about every 0.02 s. KeyboardInterrupt passes through.
 
     Raises InputError: the matrix or a column number cannot be used.
     """
@@ -240,22 +230,10 @@ def best_sensor_sets(
 ) -> SensorSetSearch:
     """The exact `n_best` sensor sets of least residual sum of squares for every number of sensors.
 
-    A set of sensors brings every column whose owners are all in it.
-
-    Parameters
-    ----------
-    cross : array of shape (p + 1, p + 1)
-        Cross-products of the columns about their means, response last.
-    n_samples : number
-        Samples behind `cross`; only the criteria depend on it.
-    owners : sequence of p sequences of int
-        Sensors of each column: (1,) for x1², (1, 2) for x1·x2; () is the same as naming the column in `always`.
-    n_sensors, max_sensors : int
-        Sensors there are, and the most that a set may have.
-    must, always : iterable of int
-        Sensors that are in every set; columns that are in every model.
-    time_limit_s
-        As in `best_subsets`.
+    A set of sensors brings every column whose owners are all in it: `owners` are the sensors of each of the p columns,
+    (1,) for x1², (1, 2) for x1·x2; () is the same as naming the column in `always`, those of every model. There are
+    `n_sensors`, of which a set may have `max_sensors`; those in `must` are in every set. `cross`, `n_samples` and
+    `time_limit_s` are those of `best_subsets`.
 
     Raises InputError: the matrix, an owner or a sensor number cannot be used.
     """

@@ -109,9 +109,8 @@ def later_parts(
 ) -> Iterator[Part]:
     """Every run from each of some moments on to its end; the moments stand at fixed shares of the run.
 
-    Fixed, because moments chosen from the residual would fit noise better than noise drawn anew does. `between` are
-    the first and the last of them as shares of a run: nearer to its start it is the whole run, nearer to its end a few
-    stray readings.
+    Moments chosen from the residual would fit noise better than noise drawn anew does. `between` are the first and the
+    last of them: nearer to a run's start it is the whole run, nearer to its end a few stray readings.
     """
     runs = fitted_runs(comparison)
     per_run = int(np.clip(total // max(len(runs), 1), 3, most))

@@ -243,8 +243,7 @@ def held_back(
 ) -> tuple[Vector, Vector]:
     """Force that lacks [unit of the force] and way behind [the same · s²], shape (n_rows,), from rest in every run.
 
-    What the control asks for (`asked`) cannot exceed a limit. With `winds_up` the integral part of the control runs on
-    meanwhile, else it waits.
+    What the control asks for (`asked`) cannot exceed a limit; with `winds_up` its integral part runs on, else it waits.
     """
     axis = loop if isinstance(loop, SimulatedAxis) else _sliding(comparison, loop)
     c2, c1, c0 = axis.control

@@ -86,8 +86,7 @@ def _at_recorded_swing(
 ) -> Iterator[Variant]:
     """The cube of the recorded motion of what swings freely, where that is far from the simulated motion.
 
-    What is left between a linear simulation and the record obeys the simulation's own equation, pushed by the force
-    that it lacks where the member was in truth, however strong that force is.
+    What is left obeys the simulation's own equation, pushed by the force that it lacks where the member was in truth.
     """
     if path.source is not None or path.misfit >= 1.0 or member not in comparison.recorded:
         return
