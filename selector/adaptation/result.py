@@ -8,8 +8,7 @@ import numpy as np
 
 from selector.adaptation.drift import Course, Drift, Touches, tracked
 from selector.adaptation.finding_table import FINDINGS
-from selector.adaptation.judged import KINDS, LEVEL, WORTH, Judged, JudgedRun, Kind, judged
-from selector.adaptation.probing import Policy, policy_within
+from selector.adaptation.judged import KINDS, LEVEL, WORTH, Judged, JudgedRun, Kind, Policy, judged, policy_within
 from selector.findings import Finding, Where
 
 SCHEMA = "selector.adaptation/1"

@@ -21,6 +21,8 @@ from selector.diagnosis.evidence.confirmation import (
     carries_little,
     confirmed,
     doubted,
+    fit_of,
+    gap_closed,
     held_out_faults,
     left_unseen,
     not_ruinous,
@@ -31,7 +33,6 @@ from selector.diagnosis.evidence.confirmation import (
 )
 from selector.diagnosis.evidence.discrepancy import beside_discrepancy
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
-from selector.diagnosis.evidence.gain import fit_of, gap_closed
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import TENTH, Search, numbers, search

@@ -11,7 +11,7 @@ from selector.diagnosis.answer import Diagnosis, Errors, Evidence, Fit, NamedEff
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue, effect_of
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.evidence.gain import share_closed
+from selector.diagnosis.evidence.confirmation import share_closed
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.matching.usable import identical_responses, rms
