@@ -29,6 +29,16 @@ if TYPE_CHECKING:
     from selector.sensors.groups import FuzzyGroups, LambdaAxis
 
 SCHEMA = "selector.selection/1"
+#: Name in the JSON form of a run → field of its `RunProof`.
+PROVEN = {
+    "heldout_rmse_um": "rmse_um",
+    "heldout_max_um": "max_um",
+    "heldout_mean_um": "mean_um",
+    "heldout_samples": "n_samples",
+    "before_rmse_um": "before_rmse_um",
+    "before_max_um": "before_max_um",
+    "heldout_sensors": "sensors",
+}
 MOST_TOLD_FACTOR = 4.0  #: An error that is known to more than this cannot be told.
 
 
@@ -256,21 +266,18 @@ class Selection(ProvenModel):
             "combinations": [vars(combination) for combination in self.combinations],
             **({} if self.equal is None else {"equal_sets": self.equal.as_dict(tuple(self.models))}),
             "chosen": {
-                "sensors": list(self.chosen),
-                "because": self.because,
-                "reasons": dict(self.reasons),
+                "sensors": self.chosen,
+                **fields_of(self, "because", "reasons"),
                 "shape": str(self.recipe.shape),
-                "degree": self.recipe.shape.form.degree,
-                "interactions": self.recipe.shape.form.interactions,
+                **fields_of(self.recipe.shape.form, "degree", "interactions"),
                 **_listed_terms(self.recipe),
-                "sensor_taus_s": list(self.recipe.shape.sensor_taus_s),
-                "speed_taus_s": list(self.recipe.shape.speed_taus_s),
+                **fields_of(self.recipe.shape, "sensor_taus_s", "speed_taus_s"),
             },
             "valid_range": {
                 name: [float(low), float(high)]
                 for name, low, high in zip(self.recipe.design.variables, self.hull.low, self.hull.high, strict=True)
             },
-            "hull": {"scale": self.hull.scale.tolist(), "points": self.hull.points.tolist()},
+            "hull": fields_of(self.hull, "scale", "points"),
             "models": {name: self._model(name) for name in self.models},
             "proof": {
                 "left_out": self.proof.left_out,
@@ -289,13 +296,8 @@ class Selection(ProvenModel):
                 **({"known": vars(self.known)} if self.known else {}),
             },
             "faults": [{**vars(gain), "worst_um": gain.worst_um} for gain in self.faults],
-            "fallbacks": [
-                {"without": one.without, "heldout_rmse_um": dict(one.heldout_rmse_um)} for one in self.fallbacks
-            ],
-            "stability": dict(self.stability),
-            "options": self.options.as_dict(),
-            "provenance": dict(self.provenance),
-            "findings": [finding.as_dict() for finding in self.findings],
+            "fallbacks": [fields_of(one, "without", "heldout_rmse_um") for one in self.fallbacks],
+            **fields_of(self, "stability", "options", "provenance", "findings"),
         }
         cleaned: dict[str, Any] = plain(document)
         return cleaned
@@ -316,22 +318,17 @@ class Selection(ProvenModel):
             ],
             "intercept": float(coefficients[0]),
             "intercept_standard_error": float(errors[0]),
-            "lags": [{"name": lag.name, "source": lag.source, "tau_s": lag.tau_s} for lag in self.recipe.design.lags],
+            "lags": [fields_of(lag, "name", "source", "tau_s") for lag in self.recipe.design.lags],
             **fields_of(model, "r2", "adjusted_r2", "rmse_um"),
             "heldout_rmse_um": self.proof.rmse_um(name),
             "heldout_max_um": self.proof.max_um(name),
             "per_run": self._per_run(name),
             "scaled": {
-                "variables": list(model.scaling.variables),
-                "centre": list(model.scaling.centre),
-                "scale": list(model.scaling.scale),
+                **fields_of(model.scaling, "variables", "centre", "scale"),
                 "terms": [dict(term.powers) for term in model.terms],
-                "coefficients": model.coefficients.tolist(),
-                "covariance": model.covariance.tolist(),
-                "vif": model.vif.tolist(),
+                **fields_of(model, "coefficients", "covariance", "vif"),
             },
-            "n_samples": model.n_samples,
-            "ridge": model.ridge,
+            **fields_of(model, "n_samples", "ridge"),
             **fields_of(model.diagnostics, "condition_number", "durbin_watson", "ljung_box_p", "max_cooks_distance"),
         }
 
@@ -348,17 +345,7 @@ class Selection(ProvenModel):
             run: {"rmse_um": rmse, "max_um": largest} for run, (rmse, largest) in self.fit_per_run[name].items()
         }
         for part in self.proof.per_response[name]:
-            runs.setdefault(part.name, {}).update(
-                {
-                    "heldout_rmse_um": part.rmse_um,
-                    "heldout_max_um": part.max_um,
-                    "heldout_mean_um": part.mean_um,
-                    "heldout_samples": part.n_samples,
-                    "before_rmse_um": part.before_rmse_um,
-                    "before_max_um": part.before_max_um,
-                    "heldout_sensors": list(part.sensors),
-                }
-            )
+            runs.setdefault(part.name, {}).update({told: getattr(part, of) for told, of in PROVEN.items()})
         return runs
 
 

@@ -1,6 +1,6 @@
 """A selection again from its JSON form (`selector.selection/1`): all that its report shows, and how that is written."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -16,7 +16,7 @@ from selector.selection.equal_sets import EqualSet, EqualSets
 from selector.selection.fitting import Recipe
 from selector.selection.library import Shape
 from selector.selection.options import Options
-from selector.selection.result import Combination, Known, Proof, RunProof, Selection, Trace
+from selector.selection.result import PROVEN, Combination, Known, Proof, RunProof, Selection, Trace
 from selector.sensors.groups import FStatistic, FuzzyGroups, LambdaAxis, Partition, lambda_axis
 from selector.sensors.screening import ScreeningRound
 from selector.sensors.similarity import Similarity
@@ -205,7 +205,7 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
         },
         proof=Proof(
             told.proof.left_out,
-            {name: _run_proofs(one.per_run) for name, one in told.models.items()},
+            {name: tuple(_run_proofs(one.per_run)) for name, one in told.models.items()},
             tuple(_trace(trace, names) for trace in told.proof.traces),
             tuple(_point(point, names) for point in told.proof.curve),
             {name: told.proof.baselines_um[name] for name in names},
@@ -306,21 +306,10 @@ def _model(name: str, told: _ModelPart) -> FittedModel:
     )
 
 
-def _run_proofs(per_run: Mapping[str, _RunPart]) -> tuple[RunProof, ...]:
-    return tuple(
-        RunProof(
-            run,
-            part.heldout_sensors,
-            part.heldout_rmse_um,
-            part.heldout_max_um,
-            part.heldout_mean_um,
-            part.before_rmse_um,
-            part.before_max_um,
-            part.heldout_samples,
-        )
-        for run, part in per_run.items()
-        if part.heldout_samples is not None
-    )
+def _run_proofs(per_run: Mapping[str, _RunPart]) -> Iterator[RunProof]:
+    for run, part in per_run.items():
+        if part.heldout_samples is not None:
+            yield RunProof(run, **{field: getattr(part, told) for told, field in PROVEN.items()})
 
 
 def _point(told: _PointPart, names: Sequence[str]) -> ErrorCurvePoint:
