@@ -217,7 +217,8 @@ def model_lines(rises: Mapping[str, Vector], z: Vector, y: Vector, z_second: Vec
         coefficients=", ".join(text.replace("-", "−") for text in Z_THREE_SENSORS.printed),
         gap_um=gap.std(),
     )
-    yield _at_rest()
+    models = (Z_TWO_SENSORS, Y_TWO_SENSORS, Z_THREE_SENSORS, Y_THREE_SENSORS)
+    yield checked("at rest", ", ".join(f"{m.name} {m.printed[0].replace('-', '−')} µm" for m in models), False)
 
 
 def fewest_samples(pair: PrintedPair, n_terms: int) -> int:
@@ -251,14 +252,6 @@ def _m_is_observations(pair: PrintedPair) -> AuditLine:
     with_sensors = 1 - (8 - 1) / (8 - p - 1) * (1 - pair.r2)
     holds = math.isclose(with_sensors, pair.adjusted_r2, abs_tol=ENTRY_HALF_UNIT)
     return checked("m variables", f"{with_sensors:.4f} with m = 8", holds, adjusted_r2=pair.adjusted_r2)
-
-
-def _at_rest() -> AuditLine:
-    constants = ", ".join(
-        f"{m.name} {m.printed[0].replace('-', '−')} µm"
-        for m in (Z_TWO_SENSORS, Y_TWO_SENSORS, Z_THREE_SENSORS, Y_THREE_SENSORS)
-    )
-    return checked("at rest", constants, False)
 
 
 def similarity_lines(rises: Matrix) -> list[AuditLine]:

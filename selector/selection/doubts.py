@@ -171,7 +171,16 @@ def doubts(
         *_offer_findings(offer_errors, offer),
         *_model_findings(selection, ridge),
         *_range_findings(selection, rows),
-        *_stability_findings(selection),
+        *(
+            FINDINGS.finding(
+                "unstable-choice",
+                f"{name} (or a sensor of its group) is chosen in {100 * share:.0f} % of resamples of the runs only.",
+                Where(channel=name),
+                {"share": share},
+            )
+            for name, share in selection.stability.items()
+            if share < 0.6
+        ),
     )
 
 
@@ -534,16 +543,3 @@ def _variable_and_unit(selection: Selection, j: int) -> tuple[str, str]:
     name = design.variables[j]
     lag, source = design.lag_and_source(name)
     return f"{source} lagged {lag.tau_s:.0f} s" if lag else name, "K" if source in selection.chosen else "rpm"
-
-
-def _stability_findings(selection: Selection) -> list[Finding]:
-    return [
-        FINDINGS.finding(
-            "unstable-choice",
-            f"{name} (or a sensor of its group) is chosen in {100 * share:.0f} % of resamples of the runs only.",
-            Where(channel=name),
-            {"share": share},
-        )
-        for name, share in selection.stability.items()
-        if share < 0.6
-    ]
