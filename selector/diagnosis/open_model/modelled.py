@@ -16,18 +16,9 @@ from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.matching.usable import identical_responses, rms
 from selector.diagnosis.mismatch.location import active_windows
+from selector.diagnosis.open_model import switches
 from selector.diagnosis.open_model.refitting import Refitted, Say, refitted, simulated_rows
 from selector.diagnosis.open_model.runnable import OwnModel, Runnable
-from selector.diagnosis.open_model.switches import (
-    LEAST,
-    Candidate,
-    ThroughModel,
-    candidates,
-    chosen,
-    quick_noise,
-    through_model,
-    unseen_squares,
-)
 from selector.diagnosis.wording import headline, is_data
 from selector.diagnosis.workflow import diagnosis
 from selector.errors import InputError
@@ -110,14 +101,14 @@ class Modelled:
 class _Put:
     """An effect that was put into the model: what was found, and model and fit with it."""
 
-    alike: tuple[Candidate, ...]  #: The effect, and the rivals that do as well
+    alike: tuple[switches.Candidate, ...]  #: The effect, and the rivals that do as well
     is_borne_out: bool  #: Whether unseen rows gain by it
     model: OwnModel
     refit: Refitted
     start: Mapping[str, float]  #: Its parameters as they were put in
 
     @property
-    def best(self) -> Candidate:
+    def best(self) -> switches.Candidate:
         """What was put in."""
         return self.alike[0]
 
@@ -132,9 +123,9 @@ class _Tried:
     """The way of a diagnosis through a model: fitted as given, and with one effect after the other."""
 
     first: Refitted
-    through: ThroughModel | None  #: Of the first fit
+    through: switches.ThroughModel | None  #: Of the first fit
     put: tuple[_Put, ...]
-    stood: tuple[Candidate, ...]  #: Every effect in its best way, beside parameters alone
+    stood: tuple[switches.Candidate, ...]  #: Every effect in its best way, beside parameters alone
     answer: Diagnosis  #: To what the last fit leaves
 
     @property
@@ -166,18 +157,18 @@ def diagnosis_of_model(
     model = with_longest_steps(runnable, recording, responses=responses, holdout=holdout)
     part = _part(say, 0.0, 0.4)
     first = refitted(model, recording, responses=responses, holdout=holdout, progress=part(0.0, 1.0))
-    through, put, stood, refused = None, list[_Put](), list[Candidate](), set[tuple[str, ...]]()
+    through, put, stood, refused = None, list[_Put](), list[switches.Candidate](), set[tuple[str, ...]]()
     while isinstance(model, OwnModel) and len(put) < _MOST:
         with_one = partial(_with, model, first, recording, responses, holdout)
         part = _part(say, 0.4 + 0.15 * len(put), 0.55 + 0.15 * len(put))
         now = put[-1].refit if put else first
-        shown = through_model(put[-1].model if put else model, now, progress=part(0.0, 0.5))
+        shown = switches.through_model(put[-1].model if put else model, now, progress=part(0.0, 0.5))
         left, mismatch = _squares(now.comparison), _squares(first.comparison)
-        found = candidates(now, shown, {name: left[name] / max(mismatch[name], 1e-300) for name in left})
+        found = switches.candidates(now, shown, {name: left[name] / max(mismatch[name], 1e-300) for name in left})
         through, stood = (shown, found) if through is None else (through, stood)
         step = None
         there = {one.best.switch.parameters for one in put}
-        for alike in chosen(found, false_alarm, there | refused)[:_TRIED]:
+        for alike in switches.chosen(found, false_alarm, there | refused)[:_TRIED]:
             step = with_one(part(0.5, 1.0), put, alike)
             if step is not None:
                 break
@@ -196,7 +187,9 @@ def diagnosis_of_model(
     return _answer(runnable, _Tried(first, through, tuple(put), tuple(stood), answer), seed)
 
 
-def _settled(put: list[_Put], with_one: Callable[[Sequence[_Put], tuple[Candidate, ...]], _Put | None]) -> list[_Put]:
+def _settled(
+    put: list[_Put], with_one: Callable[[Sequence[_Put], tuple[switches.Candidate, ...]], _Put | None]
+) -> list[_Put]:
     """Without what only stood in for the last effect: what shrinks beside it, and without which all errors stay."""
     *earlier, last = put
     names = [one.best.switch.parameters[0] for one in earlier]
@@ -210,7 +203,7 @@ def _settled(put: list[_Put], with_one: Callable[[Sequence[_Put], tuple[Candidat
             return put
         again.append(step)
     units = dict.fromkeys(last.refit.comparison.responses, 1.0)
-    for squares in (_squares, partial(unseen_squares, floor=units)):
+    for squares in (_squares, partial(switches.unseen_squares, floor=units)):
         was, now = squares(last.refit.comparison), squares(again[-1].refit.comparison)
         if any(now[name] > _RUIN * max(was[name], 1e-300) for name in was):
             return put
@@ -219,7 +212,7 @@ def _settled(put: list[_Put], with_one: Callable[[Sequence[_Put], tuple[Candidat
 
 def _with(
     given: OwnModel, first: Refitted, recording: Recording, responses: Sequence[str] | None, holdout: str,
-    progress: Say, put: Sequence[_Put], alike: tuple[Candidate, ...],
+    progress: Say, put: Sequence[_Put], alike: tuple[switches.Candidate, ...],
 ) -> _Put | None:  # fmt: skip
     """The model with an effect beside what was `put` into it, everything fitted again.
 
@@ -244,11 +237,11 @@ def _with(
     ends = {name: made[0].parameters[name] for name in names if made[0].parameters[name].unit == "1"}
     if any(min(again.values[name] - one.low, one.high - again.values[name]) < _AT_END for name, one in ends.items()):
         return None
-    floor = {name: quick_noise(again.comparison, name) for name in again.comparison.responses}
-    was, left = (unseen_squares(one.comparison, floor) for one in (now, again))
+    floor = {name: switches.quick_noise(again.comparison, name) for name in again.comparison.responses}
+    was, left = (switches.unseen_squares(one.comparison, floor) for one in (now, again))
     off = [name for name in was if was[name] > _NEAR**2]
     # where unseen rows are near the noise already they cannot bear anything out
-    is_borne_out = any(left[name] <= (1.0 - LEAST) * was[name] for name in off) and not best.is_idle
+    is_borne_out = any(left[name] <= (1.0 - switches.LEAST) * was[name] for name in off) and not best.is_idle
     if sum(left.values()) > (_RUIN if is_borne_out or not off else 1.0) * sum(was.values()):
         return None
     # nor does what is near the noise with one effect lack another one
@@ -323,7 +316,7 @@ def _sorted_out(tried: _Tried) -> tuple[list[NamedEffect], list[NamedEffect], li
     corrected = replace(last.comparison, simulated={name: answer.fit[name].after for name in answer.fit})
     carries_beside = _carried(last.comparison, corrected, floor)
     asked = None if tried.through is None else {one.id for one in tried.through.effects(catalogue())}
-    off = {name for name, squares in unseen_squares(last.comparison, floor).items() if squares > _NEAR**2}
+    off = {name for name, squares in switches.unseen_squares(last.comparison, floor).items() if squares > _NEAR**2}
     for effect in answer.effects:
         one = replace(
             effect, share=effect.share * min(1.0, left[effect.channel] / max(mismatch[effect.channel], 1e-300))
@@ -360,7 +353,7 @@ def _verdict(tried: _Tried, effects: Sequence[NamedEffect]) -> Verdict:
 
 def _carried(before: Comparison, after: Comparison, floor: Mapping[str, float]) -> float:
     """Share of the way to the noise that unseen mean squares of all responses together went."""
-    was, now = (unseen_squares(one, floor) for one in (before, after))
+    was, now = (switches.unseen_squares(one, floor) for one in (before, after))
     return float((sum(was.values()) - sum(now.values())) / max(sum(was.values()) - len(was), 1e-300))
 
 
@@ -368,7 +361,7 @@ def _floors(tried: _Tried) -> dict[str, float]:
     """Response → its noise: from sample to sample, and what the answer to the rest takes for it, if that is more."""
     comparison, fit = tried.last.comparison, tried.answer.fit
     told = {name: fit[name].heldout.noise_floor or 0.0 for name in comparison.responses if name in fit}
-    return {name: max(quick_noise(comparison, name), told.get(name, 0.0)) for name in comparison.responses}
+    return {name: max(switches.quick_noise(comparison, name), told.get(name, 0.0)) for name in comparison.responses}
 
 
 def _squares(comparison: Comparison) -> dict[str, float]:
@@ -472,7 +465,7 @@ def _is_borne_out(tried: _Tried, name: str, floor: float) -> bool:
     if rms(rest[~held]) <= _NEAR * floor:
         return False
     after = comparison.recorded[name] - tried.answer.fit[name].after
-    return not held.any() or rms(after[held]) ** 2 <= (1.0 - LEAST) * rms(rest[held]) ** 2
+    return not held.any() or rms(after[held]) ** 2 <= (1.0 - switches.LEAST) * rms(rest[held]) ** 2
 
 
 def _closed(middle: Vector, after: Vector, floor: float, seed: int) -> Quantity | None:
@@ -484,7 +477,7 @@ def _closed(middle: Vector, after: Vector, floor: float, seed: int) -> Quantity 
 def _is_near(given: Comparison, fitted: Comparison, floor: Mapping[str, float]) -> bool:
     """Whether unseen errors are near the noise in every response, or parameters went nearly all of the way there."""
     copies = identical_responses(fitted)
-    was, now = (unseen_squares(one, floor) for one in (given, fitted))
+    was, now = (switches.unseen_squares(one, floor) for one in (given, fitted))
     now = {name: squares for name, squares in now.items() if name not in copies}
     ways = {name: (np.sqrt(was[name]) - np.sqrt(now[name])) / max(np.sqrt(was[name]) - 1.0, 1e-300) for name in now}
     return all(now[name] <= _NEAR**2 or ways[name] >= _NEARLY_ALL for name in now)
