@@ -322,6 +322,25 @@ def test_a_page_at_rest_asks_for_the_beat_alone_and_hears_of_a_change(page, benc
         bench.changed()
 
 
+def test_a_workbench_that_was_ended_says_so_where_it_said_what_it_does(tab, served, bench):
+    bench.choose_simulation(kind="thermal", model=next(iter(bench.models("thermal"))))
+    page = tab()
+    page.goto(served.access.address + "#simulation")
+    api.expect(page.locator("#command")).to_contain_text("simulate thermal", timeout=PATIENCE_MS)
+    status = page.locator("#status")
+    api.expect(status).to_have_text("Ready.", timeout=PATIENCE_MS)
+    page.route("**/beat", lambda asked: asked.fulfill(status=403, body="another token"))
+    status.get_by_text("was started anew").wait_for(timeout=PATIENCE_MS)
+    page.unroute("**/beat")
+    api.expect(status).to_have_text("Ready.", timeout=PATIENCE_MS)
+    served.close()
+    status.get_by_text("does not answer").wait_for(timeout=PATIENCE_MS)
+    # nor does the command of the page before stand there as that of this one
+    page.locator("#to-export").click()
+    page.locator("#by-hand").wait_for(state="hidden", timeout=PATIENCE_MS)
+    page.close()
+
+
 def test_names_are_text(page, bench, tmp_path):
     bad = [
         "<img src=x onerror=alert(1)>", "=cmd|' /C calc'!A0", "<script>alert(2)</script>", "+1", "**T**",

@@ -288,6 +288,9 @@ def test_a_machine_is_picked_and_the_pictures_follow_its_parameters(page, bench,
     page.wait_for_function(
         "(said) => document.querySelector('#simulation-pictures .advice')?.innerText !== said", arg=said
     )
+    # the fields are the same ones: what was unfolded is open, and the next value can be typed at once
+    assert mass.is_visible()
+    assert mass.evaluate("(field) => field === document.activeElement")
     page.locator("#simulation-start").click()
     page.locator("#simulation-answer").get_by_role("link", name="Recording", exact=True).wait_for()
     assert (bench.folder / "simulated" / "run.csv").is_file()

@@ -17,9 +17,9 @@ const frame = (() => {
     asked += 1;
     const mine = asked;
     const answer = await fetch(`/command/${here}`).catch(() => null);
-    const words = answer && answer.ok ? await answer.json() : null;
-    // only the last one counts; without an answer what is there stays
-    if (!words || mine !== asked) return;
+    const words = answer && answer.ok ? await answer.json() : [];
+    // only the last one counts; without an answer there is none: what is there may be that of another page
+    if (mine !== asked) return;
     // an option is not broken at its hyphens
     const spans = words.map((word) => Object.assign(document.createElement("span"), { textContent: word }));
     commanded(...spans.flatMap((span) => [" ", span]).slice(1));
@@ -100,12 +100,16 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
       const made = (kind, of = {}) => Object.assign(document.createElement(kind), of);
       const cancel = made("button", { textContent: "Cancel" });
       const body = { method: "POST", headers: { "Content-Type": "application/json" }, body: "{}" };
-      cancel.addEventListener("click", () => fetch(`/cancel/${job}`, body));
+      cancel.addEventListener("click", async () => {
+        const sent = await fetch(`/cancel/${job}`, body).catch(() => null);
+        if (!sent || !sent.ok) parts[3].textContent = "Not cancelled; click again.";
+      });
       parts = [made("span"), made("progress", { max: 1 }), cancel, made("span", { className: "about" })];
       const shown = [true, is_working, job !== undefined, job !== undefined];
       document.getElementById("status").replaceChildren(...parts.filter((_, k) => shown[k]));
     }
     parts[0].textContent = said;
+    parts[0].className = now.is_lost ? "wrong" : "";
     if (typeof share === "number") parts[1].value = share;
     else parts[1].removeAttribute("value");
     parts[3].textContent = waiting || "";
@@ -114,16 +118,29 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
 
   // Whatever is set in the page, all of its parts are asked whether that changes them: a beat goes there when the bench
   // has become another one, and now and then, since an answer may be lost
-  let known = null, beats = 0;
+  let known = null, beats = 0, unanswered = 0;
+  // nothing that is done here is done then: the last status must not stand as if it still held
+  function lost(code) {
+    const way = "Start it again with selector workbench --folder";
+    const folder = document.querySelector("header .folder code").textContent;
+    const said = code === 403
+      ? "The workbench was started anew: open the address that it printed. Nothing that you do on this page is done."
+      : `The workbench does not answer: was it ended? Nothing that you do here is done. ${way} ${folder}`;
+    status({ said, is_lost: true });
+  }
   const beat = async () => {
-    const answer = await fetch("/beat").then((one) => (one.ok ? one.json() : null)).catch(() => null);
+    const sent = await fetch("/beat").catch(() => null);
+    const answer = sent && sent.ok ? await sent.json().catch(() => null) : null;
     beats += 1;
+    unanswered = answer ? 0 : unanswered + 1;
     if (document.getElementById("workbench")) {
-      if (answer) status(answer.status);
-      const now = answer ? answer.revision : known;
-      if (now !== known || beats % 15 === 0) {
-        known = now;
-        look();
+      if (unanswered > 2) lost(sent && sent.status);
+      if (answer) {
+        status(answer.status);
+        if (answer.revision !== known || beats % 15 === 0) {
+          known = answer.revision;
+          look();
+        }
       }
     }
     setTimeout(beat, 700);

@@ -90,14 +90,15 @@ def register(app: dash.Dash, bench: Bench) -> None:
         asked = bench.simulation
         if is_hidden or asked.model not in bench.models(asked.kind):
             raise dash.exceptions.PreventUpdate
-        wanted = [asked.kind, asked.model, Path(asked.model).stat().st_mtime_ns]
-        now = [*wanted, sorted(asked.values.items())]
+        # what the browser keeps is text: its numbers and lists come back as others
+        wanted = repr((asked.kind, asked.model, Path(asked.model).stat().st_mtime_ns))
+        now = repr((wanted, sorted(asked.values.items())))
         try:
             account = bench.simulated_live.of(now, lambda: _simulated(asked))
             pictures: Any = html.P("Simulating …") if account is None else parts.told(account)
         except InputError as refused:
             account, pictures = None, parts.problem(refused)
-        state = [now, account is not None]
+        state = repr((now, account is not None))
         if state == drawn:
             raise dash.exceptions.PreventUpdate
         # fields stay as they are while somebody types in them

@@ -222,16 +222,16 @@ def _view(bench: Bench) -> View | None:
     return None if found is None else bench.live.view(found, bench.options)
 
 
-def _signature(bench: Bench, view: View) -> list[Any]:
-    """What the whole page must be drawn anew for."""
+def _signature(bench: Bench, view: View) -> str:
+    """What the whole page must be drawn anew for; text, since numbers and lists come back from a browser as others."""
     asked = bench.options
     places = [one.xyz_m for one in machine.sensors_of(bench)]
-    return [
-        bench.inspection.number, asked.must, asked.never, dict(asked.cost), asked.max_sensors, asked.reference,
-        asked.responses, asked.absolute_similarity, dict(asked.conditions), places,
+    return repr((
+        bench.inspection.number, asked.must, asked.never, asked.cost, asked.max_sensors, asked.reference,
+        asked.responses, asked.absolute_similarity, asked.conditions, places,
         [hash(address) for address in machine.photos(bench).values()],
         view.level, view.fixed.sensors, view.response, view.target_um,
-    ]  # fmt: skip
+    ))  # fmt: skip
 
 
 def _picture(name: str) -> Component:
