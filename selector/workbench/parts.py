@@ -235,7 +235,15 @@ class Form:
     def register(self, app: dash.Dash) -> None:
         """What is changed goes to the bench at once, so that the command shows it."""
         heard = (Input(*place) for place in self.fields)
-        app.callback(*heard, *(State(*place) for place in self.beside), prevent_initial_call=True)(self.take)
+
+        @app.callback(*heard, *(State(*place) for place in self.beside), prevent_initial_call=True)
+        def _take(*sent: Any) -> None:
+            self.taken(sent)
+
+    def taken(self, sent: Iterable[Any]) -> None:
+        """Takes over what a browser sent. What was refused before is no longer told, be it that nothing is changed."""
+        checked(self.take)(*sent)
+        set_props(NOTICE, {"children": None})
 
 
 @dataclass(frozen=True)
@@ -266,7 +274,7 @@ def register_start(app: dash.Dash, bench: Bench, page: str, task: Task) -> None:
     def _start(_: int, *shown: Any) -> None:
         stands = iter(shown)
         for form in task.forms:
-            checked(form.take)(*islice(stands, len(form.fields) + len(form.beside)))
+            form.taken(islice(stands, len(form.fields) + len(form.beside)))
         asked = task.command(bench)
         if asked is None:
             raise task.missing.with_traceback(None)
@@ -317,8 +325,12 @@ def register_earlier(
         others = min((differing_fields(command, then[-1]) for command in ways), key=len)
         made = (bench.folder / word for word in then[-1] if not word.startswith("-"))
         newer = [path.name for path in made if path.is_file() and path.stat().st_mtime_ns > sheet.stat().st_mtime_ns]
-        said = f"What is below was made before this changed: {', '.join([*others, *newer])}. Start again."
-        return html.P(said, className="advice first bad") if others or newer else None
+        if others or newer:
+            said = f"What is below was made before this changed: {', '.join([*others, *newer])}. Start again."
+            return html.P(said, className="advice first bad")
+        elsewhere = differing_fields(ways[0], then[-1])
+        said = f"What is below was started on another page. Started here, these would be others: {', '.join(elsewhere)}."
+        return html.P(said, className="about") if elsewhere else None
 
 
 def differing_fields(one: Sequence[str], other: Sequence[str]) -> list[str]:
@@ -391,11 +403,8 @@ def job_answer(job: Job) -> Component:
         # the command itself only met a file that is not there
         return problem(job.problem)
     if job.state == "failed":
-        return html.Div(
-            [html.P(f"{job.title}: not done", className="first"), html.Pre(job.said.removeprefix("selector: "))],
-            className="advice bad",
-            role="alert",
-        )
+        said = html.Pre(in_words_of_fields(job.said.removeprefix("selector: ")))
+        return html.Div([html.P(f"{job.title}: not done", className="first"), said], className="advice bad", role="alert")
     if job.data is not None:
         return html.Div()
     return html.Details([html.Summary("What the command said"), html.Pre(job.said, className="said", tabIndex=0)])

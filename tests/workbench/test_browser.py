@@ -212,7 +212,11 @@ def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, benc
         bench.changed()
         page.wait_for_timeout(900)
         assert box.input_value() == text
+        typed(box, text + " ")
+        page.locator("#notice").get_by_text("was typed").or_(page.locator("#notice").get_by_text(said)).first.wait_for()
+        # what counts already changes nothing, and what was refused is no longer told
         typed(box, counts)
+        page.locator("#notice > *").first.wait_for(state="detached")
     assert (bench.options.level, bench.options.max_sensors) == (0.98, 5)
     # several λ ask for as many rounds, and give them back
     rounds = page.locator("#selection-rounds")
