@@ -125,8 +125,23 @@ class Bench:
         with self._lock:
             if used == set(self.used):
                 return
-            self._loaded = [dataclasses.replace(one, is_used=one.path in used, problem=None) for one in self._loaded]
+            # one that was refused and is not tried again stays refused
+            self._loaded = [
+                Loaded(one.path) if one.path in used else dataclasses.replace(one, is_used=False)
+                for one in self._loaded
+            ]
         self.read()
+
+    def remove(self, path: Path) -> None:
+        """Lets a recording go; a copy in the study folder is deleted, a file elsewhere stays where it is."""
+        with self._lock:
+            if path.parent == self.folder / RECORDINGS:
+                path.unlink(missing_ok=True)
+            is_used = path in self.used
+            self._loaded = [one for one in self._loaded if one.path != path]
+            self.changed()
+        if is_used:
+            self.read()
 
     def choose_diagnosis(self, **changes: Any) -> bool:
         """Changes options of the diagnosis; whether any is different now.

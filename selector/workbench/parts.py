@@ -4,13 +4,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice, pairwise, takewhile
+from pathlib import Path
 from typing import Any, TypeVar, get_args
 from urllib.parse import quote
 
 import dash
 import flask
 import plotly.graph_objects as go
-from dash import Input, Output, State, dcc, html, set_props
+from dash import ALL, Input, Output, State, dcc, html, set_props
 from dash.development.base_component import Component
 from dash.exceptions import PreventUpdate
 
@@ -371,6 +372,35 @@ def answer(
     """What a command answered: first what is told of it, then its files to be saved, and its report."""
     report = framed(f"{folder}/report.html", title, stamp)
     return section("The answer", *first, saved(bench, folder, files), report)
+
+
+def register_stored(
+    app: dash.Dash,
+    bench: Bench,
+    page: str,
+    files: Callable[[], Iterable[Path]],
+    more: dict[str, Callable[[Path], str]],
+    nothing: Callable[[], Component | None] = lambda: None,
+) -> None:
+    """In ``{page}-stored``: files of the study folder, `more` columns, and a button that removes each of them."""
+
+    def row(path: Path) -> list[Any]:
+        remove = html.Button("Remove", id={"type": f"{page}-remove", "file": path.name})
+        remove.title = f"Remove {path.name} from the study folder"
+        return [path.name, *(text(path) for text in more.values()), remove]
+
+    @app.callback(Output(f"{page}-stored", "children"), Input(REVISION, "data"))
+    def _show(_: int) -> Component | None:
+        rows = [row(path) for path in files()]
+        return table(["file", *more, ""], rows, name="files") if rows else nothing()
+
+    @app.callback(Input({"type": f"{page}-remove", "file": ALL}, "n_clicks"), prevent_initial_call=True)
+    def _remove(clicks: list[int | None]) -> None:
+        for path in files() if any(clicks) else ():
+            if path.name == dash.ctx.triggered_id["file"]:
+                path.unlink(missing_ok=True)
+                bench.changed()
+        tell(bench)
 
 
 def table_download(name: str) -> Component:

@@ -51,7 +51,15 @@ def test_a_measured_file_goes_in_and_its_causes_come_out(tab, tmp_path):
         page.locator("#notice").get_by_text("No circles").wait_for()
         with page.expect_file_chooser() as chooser:
             page.get_by_role("button", name="Choose measured circles …").click()
-        chooser.value.set_files([str(file)])
+        stranger = tmp_path / "another.txt"
+        stranger.write_text("nothing measured", encoding="utf-8")
+        chooser.value.set_files([str(file), str(stranger)])
+        # what is there is seen, and can be taken away
+        stored = page.locator("#ballbar-stored table")
+        stored.get_by_text("test of may.txt").wait_for()
+        stored.locator("tr", has_text="another.txt").get_by_role("button", name="Remove").click()
+        stored.get_by_text("another.txt").wait_for(state="detached")
+        assert [one.name for one in (bench.folder / "circles").iterdir()] == ["test of may.txt"]
         page.locator("#command").get_by_text("circles/test of may.txt").wait_for()
         page.locator("#ballbar-radius").fill("thin")
         page.locator("#ballbar-start").click()

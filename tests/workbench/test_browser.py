@@ -287,6 +287,16 @@ def test_a_wrong_file_says_why_and_the_others_stay_and_one_that_is_dropped_joins
     assert "What to do" in page.get_by_role("alert").first.inner_text()
     page.get_by_text("The first lines of the file").wait_for()
     assert [run.name for run in bench.inspection.reading.runs] == ["recording"]
+    # another is tried again: that one was refused is said of it all the same
+    page.get_by_role("checkbox", name="use empty.csv").check()
+    wait_for(lambda: not bench.is_reading)
+    page.locator("tr", has_text="photo.csv").get_by_text("cannot be read").wait_for()
+    for left, name in ((1, "photo.csv"), (0, "empty.csv")):
+        page.locator("tr", has_text=name).get_by_role("button", name="Remove").click()
+        api.expect(page.get_by_role("alert")).to_have_count(left, timeout=PATIENCE_MS)
+        assert not (study / "recordings" / name).exists()
+    assert page.get_by_role("button", name="Remove").count() == 0
+    assert [one.path.name for one in bench.loaded] == ["recording.csv"]
 
     # one that is dropped beside the zone is not taken
     held = page.evaluate_handle(

@@ -316,7 +316,7 @@ def test_recordings_are_compared_with_the_machine_of_the_page_simulate(page, ben
     bench.choose_simulation(values={name: value})
     page.locator("#to-diagnosis").click()
     page.get_by_role("button", name="Compare with c-frame of the page Simulate").click()
-    table = page.locator("#diagnosis-files table")
+    table = page.locator("#diagnosis-stored table")
     table.get_by_text("the mesh of the model").wait_for()
     table.get_by_text("a model, run by the diagnosis").wait_for()
     api.expect(page.locator("#command")).to_contain_text("--model simulation/c-frame.toml", timeout=PATIENCE_MS)

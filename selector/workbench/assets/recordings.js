@@ -20,6 +20,15 @@
     return tick;
   }
 
+  // one that is used is first left out: nothing that counts goes with one click
+  function remover(number, name) {
+    const button = made("button", "Remove", { title: `Remove ${name} from this study` });
+    button.addEventListener("click", () => {
+      window.dash_clientside.set_props(`${PAGE}-removed`, { data: [number, name] });
+    });
+    return button;
+  }
+
   function listed(told) {
     const place = document.getElementById(`${PAGE}-listed`);
     const held = place.contains(document.activeElement) ? document.activeElement.dataset.number : undefined;
@@ -34,7 +43,9 @@
     told.rows.forEach(({ used, cells, state, look }, number) => {
       const row = body.insertRow();
       row.append(made("td", ""), ...cells.map((cell, k) => made("td", cell, { className: kind(told.columns[k + 1]) })));
-      row.insertCell().append(made("span", state, { className: look }));
+      const last = row.insertCell();
+      last.append(made("span", state, { className: look }));
+      if (!used) last.append(" ", remover(number, cells[0]));
       row.cells[0].append(ticked(table, number, used));
     });
     if (held !== undefined) table.querySelector(`[data-number="${held}"]`)?.focus();

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import dash
-from dash import ALL, Input, Output, html
+from dash import Input, html
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
@@ -60,7 +60,7 @@ def layout(bench: Bench) -> Component:
     return parts.stacked(
         html.H1("What the simulation left out"),
         drop,
-        html.Div(id=f"{ID}-files"),
+        html.Div(id=f"{ID}-stored"),
         html.Div(boxes.fields(), className="fields"),
         parts.start_row(ID),
         *parts.answer_place(ID),
@@ -79,18 +79,17 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 def register(app: dash.Dash, bench: Bench) -> None:
     """Options go to the bench as soon as they are changed, so that the command shows them."""
 
-    @app.callback(Output(f"{ID}-files", "children"), Input(parts.REVISION, "data"))
-    def _show(_: int) -> Component:
-        return _files(bench)
+    def beside(path: Path) -> str:
+        reading = bench.inspection.reading
+        runs = {run.name for run in reading.runs} if reading is not None else set()
+        return path.stem if path.stem in runs else BESIDE.get(path.suffix.lower(), "no recording")
 
-    @app.callback(Input({"type": f"{ID}-remove", "file": ALL}, "n_clicks"), prevent_initial_call=True)
-    def _remove(clicks: list[int | None]) -> None:
-        if any(clicks):
-            for path in bench.simulated:
-                if path.name == dash.ctx.triggered_id["file"]:
-                    path.unlink(missing_ok=True)
-                    bench.changed()
-            parts.tell(bench)
+    def nothing() -> Component:
+        note = html.P("No simulated runs yet. The page Simulate has machines, too.", className="about")
+        take = html.Button(f"Compare with {Path(bench.simulation.model).stem} of the page Simulate", id=f"{ID}-machine")
+        return html.Div([note, take] if simulation.command(bench) else note)
+
+    parts.register_stored(app, bench, ID, lambda: bench.simulated, {"recorded run": beside}, nothing)
 
     @app.callback(Input(f"{ID}-machine", "n_clicks"), prevent_initial_call=True)
     def _take(clicks: int | None) -> None:
@@ -109,22 +108,6 @@ def register(app: dash.Dash, bench: Bench) -> None:
     )
     task = parts.Task(ID, TITLE, command, lambda _: DIAGNOSIS, missing, [form], answered=_answered)
     parts.register_task(app, bench, task)
-
-
-def _files(bench: Bench) -> Component:
-    reading = bench.inspection.reading
-    runs = {run.name for run in reading.runs} if reading is not None else set()
-    rows = []
-    for path in bench.simulated:
-        beside = path.stem if path.stem in runs else BESIDE.get(path.suffix.lower(), "no recording")
-        name = {"type": f"{ID}-remove", "file": path.name}
-        remove = html.Button("Remove", id=name, title=f"Remove {path.name} from the study folder")
-        rows.append([path.name, beside, remove])
-    if not rows:
-        note = html.P("No simulated runs yet. The page Simulate has machines, too.", className="about")
-        take = html.Button(f"Compare with {Path(bench.simulation.model).stem} of the page Simulate", id=f"{ID}-machine")
-        return html.Div([note, take] if simulation.command(bench) else note)
-    return parts.table(["simulated", "recorded run", ""], rows, name="files")
 
 
 def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:

@@ -45,6 +45,7 @@ class MeasuredPage:
         return parts.stacked(
             html.H1(self.heading),
             parts.drop_zone(self.zone, f"Choose {self.what} …", f"or drop them here: {self.note}"),
+            html.Div(id=f"{self.ID}-stored"),
             html.Div(boxes.fields(), className="fields wide"),
             parts.start_row(self.ID),
             *parts.answer_place(self.ID),
@@ -59,6 +60,7 @@ class MeasuredPage:
 
     def register(self, app: dash.Dash, bench: Bench) -> None:
         """What is typed or chosen goes to the bench at once."""
+        parts.register_stored(app, bench, self.ID, lambda: files_in(bench.folder / self.zone), {})
         form = self._boxes(bench).register(app, bench)
         missing = OptionError(self.lacking, expected=self.expected, where=self.TITLE, advice="choose it above")
         how = (self.command, lambda _: self.ID, missing, [form])

@@ -94,7 +94,7 @@ def layout(bench: Bench) -> Component:
         html.Div(id=f"{ID}-faults"),
         html.Div(id=f"{ID}-reading"),
         html.Div(read, id=f"{ID}-read", hidden=True),
-        *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("shown", "list", "used")),
+        *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("shown", "list", "used", "removed")),
     )
 
 
@@ -188,6 +188,13 @@ def _register_files(app: dash.Dash, bench: Bench) -> None:
         # the rows may be those of other files
         if ticks is not None and len(ticks) == len(loaded):
             bench.use([one.path for one, tick in zip(loaded, ticks, strict=True) if tick])
+            parts.tell(bench)
+
+    @app.callback(Input(f"{ID}-removed", "data"), prevent_initial_call=True)
+    def _remove(asked: list[Any] | None) -> None:
+        # the rows may be those of other files
+        for path in [one.path for k, one in enumerate(bench.loaded) if asked == [k, one.path.name]]:
+            bench.remove(path)
             parts.tell(bench)
 
 
