@@ -43,7 +43,7 @@ def one_of(name: str, title: str, words: Sequence[str], read: Callable[[str], An
             raise not_sent(word, f"one of {', '.join(words)}", title)
         return read(word)
 
-    return Box(name, title, "", chosen, str, str, lambda box, value: parts.choice(box, words, value))
+    return Box(name, title, "", chosen, str, str, partial(parts.choice, words))
 
 
 def one_path(name: str, title: str, note: str, paths: Callable[[], Mapping[str, str]]) -> Box:

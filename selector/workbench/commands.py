@@ -79,6 +79,7 @@ class Export:
     #: the export decides
     clamp_um: Mapping[str, float] = field(default_factory=dict)
     slew_um_per_s: Mapping[str, float] = field(default_factory=dict)
+    margin: float = 0.0  #: How far beyond their recorded range sensors are followed [% of its width]
     inverted: tuple[str, ...] = ()  #: Outputs whose axis the control counts the other way
 
     def of(self, outputs: Sequence[str]) -> "Export":
@@ -164,6 +165,7 @@ def export_command(folder: Path, asked: Export, machine: Path | None, overrides:
     # a control without a guard refuses limits
     if TARGETS[asked.target].has_guard:
         words += _of_names("--clamp", asked.clamp_um, ".12g") + _of_names("--slew", asked.slew_um_per_s, ".12g")
+        words += _changed(asked, Export(), ["margin"])
     words += _each("--invert", asked.inverted)
     if asked.is_sign_verified:
         words += ["--sign-verified", *(["--tested", asked.tested] if asked.tested else [])]

@@ -39,13 +39,10 @@ def typed_steps(text: str | None) -> tuple[Step, ...]:
     """
     found = []
     for part in filter(str.strip, (text or "").split(";")):
-        minutes, _, speed = part.partition("at")
-        found.append(
-            Step(
-                typed.number(minutes.strip(), f"time of “{part.strip()}”", 1e-3, _LONGEST_MIN, "min"),
-                typed.number(speed.strip(), f"speed of “{part.strip()}”", 0.0, _FASTEST_RPM, "r/min"),
-            )
-        )
+        time, _, speed = part.partition("at")
+        minutes = typed.number(time.strip(), f"time of “{part.strip()}”", 1e-3, _LONGEST_MIN, "min")
+        rpm = typed.number(speed.strip(), f"speed of “{part.strip()}”", 0.0, _FASTEST_RPM, "r/min")
+        found.append(Step(minutes, rpm))
     return tuple(found)
 
 

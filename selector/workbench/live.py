@@ -29,7 +29,7 @@ class Latest(Generic[_Made]):
         self._lock = threading.Lock()
         self._asked: object = None
         self._work: Callable[[], _Made] | None = None
-        self._is_working = False
+        self.is_working = False  #: Whether something is being made
         self._made: _Made | None = None
         self._problem: InputError | None = None
 
@@ -38,8 +38,8 @@ class Latest(Generic[_Made]):
         with self._lock:
             if asked != self._asked:
                 self._asked, self._work, self._made, self._problem = asked, work, None, None
-                if not self._is_working:
-                    self._is_working = True
+                if not self.is_working:
+                    self.is_working = True
                     threading.Thread(target=self._make, name="selector-live", daemon=True).start()
             if self._problem is not None:
                 raise self._problem.with_traceback(None)
@@ -50,7 +50,7 @@ class Latest(Generic[_Made]):
             with self._lock:
                 asked, work, self._work = self._asked, self._work, None
                 if work is None:
-                    self._is_working = False
+                    self.is_working = False
                     return
             made, problem = None, None
             try:
@@ -105,7 +105,7 @@ class Live:
 
     def __init__(self, on_ready: Callable[[], None]) -> None:
         self._lock = threading.RLock()
-        self._latest: Latest[Exploration] = Latest(on_ready)
+        self.latest: Latest[Exploration] = Latest(on_ready)  #: Makes the exploration
         self._as_wished: tuple[Exploration, Exploration] | None = None
         self._level: float | None = None
         self._taken: tuple[str, ...] = ()
@@ -122,7 +122,7 @@ class Live:
         similarity = (options.reference, options.absolute_similarity, tuple(options.conditions.items()))
         plain = replace(options, must=(), never=(), cost={})
         asked = (inspection.number, options.responses, *similarity)
-        made = self._latest.of(asked, lambda: _explored(reading.recording, plain, inspection.findings))
+        made = self.latest.of(asked, lambda: _explored(reading.recording, plain, inspection.findings))
         if made is None:
             return None
         with self._lock:

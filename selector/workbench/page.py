@@ -117,6 +117,9 @@ def _status(bench: Bench) -> dict[str, Any]:
         return {"said": "Reading recordings …", "is_working": True}
     job = bench.jobs.current
     if job is None:
+        lives = {"Adding up the samples …": bench.live.latest, "Simulating …": bench.simulated_live}
+        if doing := [said for said, live in lives.items() if live.is_working]:
+            return {"said": doing[0], "is_working": True}
         last = bench.jobs.all[-1] if bench.jobs.all else None
         return {"said": "Ready." if last is None else f"{last.title}: {last.state}."}
     waiting = sum(not one.is_over for one in bench.jobs.all) - 1

@@ -134,11 +134,10 @@ def told(account: Account, kept: Sequence[str] = ()) -> list[Component]:
     return found
 
 
-def choice(name: Any, options: Sequence[str], value: str | None, **more: Any) -> Component:
-    """One of a few words."""
-    return dcc.Dropdown(
-        id=name, options=list(options), value=value, clearable=False, searchable=len(options) > _MOST_SEEN, **more
-    )
+def choice(options: Sequence[Any], name: Any, value: str | None) -> Component:
+    """One of a few words, or of what stands for them."""
+    of = list(options)
+    return dcc.Dropdown(id=name, options=of, value=value, clearable=False, searchable=len(of) > _MOST_SEEN)
 
 
 def typed_text(name: Any, value: str | None, **more: Any) -> Component:
@@ -330,7 +329,9 @@ def register_earlier(
             said = f"What is below was made before this changed: {', '.join([*others, *newer])}. Start again."
             return html.P(said, className="advice first bad")
         elsewhere = differing_fields(ways[0], then[-1])
-        said = f"What is below was started on another page. Started here, these would be others: {', '.join(elsewhere)}."
+        said = (
+            f"What is below was started on another page. Started here, these would be others: {', '.join(elsewhere)}."
+        )
         return html.P(said, className="about") if elsewhere else None
 
 
@@ -385,8 +386,8 @@ def register_stored(
     """In ``{page}-stored``: files of the study folder, `more` columns, and a button that removes each of them."""
 
     def row(path: Path) -> list[Any]:
-        remove = html.Button("Remove", id={"type": f"{page}-remove", "file": path.name})
-        remove.title = f"Remove {path.name} from the study folder"
+        about = f"Remove {path.name} from the study folder"
+        remove = html.Button("Remove", id={"type": f"{page}-remove", "file": path.name}, title=about)
         return [path.name, *(text(path) for text in more.values()), remove]
 
     @app.callback(Output(f"{page}-stored", "children"), Input(REVISION, "data"))
@@ -434,7 +435,9 @@ def job_answer(job: Job) -> Component:
         return problem(job.problem)
     if job.state == "failed":
         said = html.Pre(in_words_of_fields(job.said.removeprefix("selector: ")))
-        return html.Div([html.P(f"{job.title}: not done", className="first"), said], className="advice bad", role="alert")
+        return html.Div(
+            [html.P(f"{job.title}: not done", className="first"), said], className="advice bad", role="alert"
+        )
     if job.data is not None:
         return html.Div()
     return html.Details([html.Summary("What the command said"), html.Pre(job.said, className="said", tabIndex=0)])

@@ -200,12 +200,6 @@ def corrected(reading: Reading, edited: Sequence[Row]) -> Machine:
     return machine_from_text(machine_text(machine), "table of channels")
 
 
-def row_of(cells: Mapping[str, str | None], old: Row) -> Row:
-    """A row with what stands in its cells now."""
-    texts: dict[str, Any] = {cell: (cells.get(cell) or "").strip() for cell in CELLS}
-    return dataclasses.replace(old, **texts)
-
-
 def placed(reading: Reading | None, places_m: Mapping[str, tuple[float, float, float]], path: Path) -> Reading:
     """The same reading with other places of some sensors [m], after the machine file at `path` has been written.
 

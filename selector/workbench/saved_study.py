@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 from pathlib import Path
+from typing import Any
 
 from selector.controllers import read_model
 from selector.controllers.model_file import ModelFile
@@ -100,14 +101,16 @@ def _export_of(said: ExportSection | None, folder: Path) -> Export:
     if said is None or said.target not in TARGETS:
         return Export()
     replayed = tuple(path_at(path, folder) for path in said.replay)
-    model, clamp, slew = said.model or "", dict(said.clamp), dict(said.slew)
-    return Export(model, said.target, replayed, clamp_um=clamp, slew_um_per_s=slew, inverted=said.invert)
+    return Export(
+        said.model or "", said.target, replayed, clamp_um=dict(said.clamp), slew_um_per_s=dict(said.slew),
+        margin=said.margin, inverted=said.invert,
+    )  # fmt: skip
 
 
 def _export_section(asked: Export, folder: Path) -> ExportSection:
-    replayed = asked.replayed or ()
-    said = {"target": asked.target, "clamp": dict(asked.clamp_um), "slew": dict(asked.slew_um_per_s)}
-    return export_section(folder, model=folder / asked.model, replay=replayed, **said, invert=asked.inverted)
+    said: dict[str, Any] = {"target": asked.target, "clamp": dict(asked.clamp_um), "slew": dict(asked.slew_um_per_s)}
+    said |= {"replay": asked.replayed or (), "margin": asked.margin, "invert": asked.inverted}
+    return export_section(folder, model=folder / asked.model, **said)
 
 
 MODEL, SHEET = "model.json", "commissioning.html"

@@ -200,22 +200,23 @@ def test_a_diagnosis_is_saved_with_what_it_compares(bench, tmp_path):
 def test_an_export_is_taken_up_again_but_nobody_is_told_that_a_sign_test_was_passed(bench, tmp_path):
     asked = {
         "model": "selection/model.json", "target": "st", "replayed": (VMC / "r2.csv",), "clamp_um": {"Z": 40.5},
-        "slew_um_per_s": {"Z": 0.5}, "inverted": ("Z",),
+        "slew_um_per_s": {"Z": 0.5}, "margin": 12.5, "inverted": ("Z",),
     }  # fmt: skip
     bench.choose_export(**asked, is_sign_verified=True, tested="0123456789abcdef")
     bench.save()
     again = Bench(tmp_path)
     assert again.export == Export(**asked)
     words = export_command(tmp_path, bench.export, None, Overrides())
-    assert words[-9:] == (
-        "--clamp", "Z=40.5", "--slew", "Z=0.5", "--invert", "Z", "--sign-verified", "--tested", "0123456789abcdef",
+    assert words[-11:] == (
+        "--clamp", "Z=40.5", "--slew", "Z=0.5", "--margin", "12.5", "--invert", "Z", "--sign-verified", "--tested",
+        "0123456789abcdef",
     )  # fmt: skip
     # another model has other outputs, and a control without a guard no limits
     assert bench.export.of(("Y",)).clamp_um == {}
     bench.choose_export(target="rexroth", is_sign_verified=False)
     words = export_command(tmp_path, bench.export, None, Overrides())
     assert words[-2:] == ("--invert", "Z")
-    assert "--clamp" not in words
+    assert not {"--clamp", "--margin"} & {*words}
 
 
 def test_without_recordings_there_is_nothing_to_save(tmp_path):

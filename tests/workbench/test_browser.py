@@ -80,7 +80,12 @@ def test_from_a_file_to_a_report(page, bench, study, tmp_path):
     page.get_by_role("button", name="Use these corrections").click()
     page.get_by_role("alert").get_by_text("furlong").first.wait_for()
     assert not (study / "machine.toml").exists()
-    unit.fill("degF")
+    # what was typed stays, and is refused again
+    bench.changed()
+    page.locator("#notice > *").wait_for(state="detached")
+    page.get_by_role("button", name="Use these corrections").click()
+    page.get_by_role("alert").get_by_text("furlong").first.wait_for()
+    unit.fill(" degF ")
     page.get_by_role("button", name="Use these corrections").click()
     page.get_by_text("1 file(s) read with it").wait_for()
     assert 'unit = "degF"' in (study / "machine.toml").read_text(encoding="utf-8")
@@ -157,6 +162,9 @@ def test_a_diagnosis_and_an_export(page, bench, study):
     page.locator("#notice").get_by_text("fastest change of Z").wait_for()
     page.locator("#export-outputs input[type=checkbox]").first.click()
     page.get_by_text("--invert").wait_for()
+    page.locator("#export-margin").fill("12,5 %")
+    page.locator("#export-margin").press("Enter")
+    api.expect(page.locator("#command")).to_contain_text("--margin 12.5", timeout=PATIENCE_MS)
     # what is replayed is a file, not a place in the list: another list keeps it
     bench.use([DIAGNOSIS / "r2.csv", DIAGNOSIS / "r3.csv"])
     page.get_by_text("The sign test was passed").click()
@@ -184,7 +192,7 @@ def test_a_diagnosis_and_an_export(page, bench, study):
     sheet.get_by_text("Sign test").first.wait_for()
     assert bench.jobs.all[-1].command[-2:] == ("--sign-verified", "--json")
     page.get_by_text("it differs from the model by at most").wait_for()
-    assert "Z=0.5" in bench.jobs.all[-1].command
+    assert {"Z=0.5", "--margin"} <= {*bench.jobs.all[-1].command}
 
 
 def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, bench):

@@ -8,7 +8,7 @@ import pytest
 
 from selector.errors import InputError
 from selector.readers import machine_of, read
-from selector.workbench.readable import NO_CHANNEL, corrected, row_of, rows_of
+from selector.workbench.readable import NO_CHANNEL, corrected, rows_of
 
 
 @pytest.fixture
@@ -60,10 +60,3 @@ def test_what_cannot_be_is_refused(reading, cells, said):
 def test_the_last_channel_stays(reading):
     with pytest.raises(InputError, match="no channel"):
         corrected(reading, [replace(row, role=NO_CHANNEL) for row in rows_of(reading)])
-
-
-def test_cells_are_texts_without_blanks_around_them(reading):
-    old = rows_of(reading)[0]
-    assert row_of({"role": " ambient ", "unit": None, "place": "a b ", "axis": ""}, old) == replace(
-        old, role="ambient", unit="", place="a b", axis=""
-    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
+import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,6 +18,7 @@ from selector.readers import machine as machine_file
 from selector.recording import Channel
 from selector.selection import Exploration, Options
 from selector.selection.exploration import HeldOutPart
+from selector.workbench import live
 from selector.workbench.access import Access
 from selector.workbench.bench import Bench
 from selector.workbench.page import page
@@ -64,6 +66,21 @@ def move(client, **asked):
     answer = client.post("/sensors/move", json=asked, base_url="http://127.0.0.1:8050")
     assert answer.status_code == 200
     return answer.get_json()
+
+
+def test_the_bar_does_not_say_ready_while_samples_are_added_up(client, bench, monkeypatch):
+    explored, is_let_go = live._explored, threading.Event()
+    monkeypatch.setattr(live, "_explored", lambda *of: is_let_go.wait(60) and explored(*of))
+
+    def said() -> str:
+        return client.get("/beat", base_url="http://127.0.0.1:8050").json["status"]["said"]
+
+    wait_for(lambda: said() == "Ready.")
+    assert bench.live.exploration(bench.inspection, bench.options) is None
+    assert said().startswith("Adding up")
+    is_let_go.set()
+    wait_for(lambda: said() == "Ready.")
+    assert ready(bench).steps
 
 
 def test_a_move_changes_everything_together(client, bench):

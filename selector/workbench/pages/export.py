@@ -47,29 +47,25 @@ def _boxes(bench: Bench) -> Boxes:
         return [str(path) for path in _replayed(bench)]
 
     offered = partial(_models, bench)
-    models = Box("model", "Model", "", lambda of: of or "", control=partial(_menu, offered()), offered=offered)
+    menu = partial(parts.choice, offered())
+    models = Box("model", "Model", "", lambda of: of or "", lambda of: of or None, control=menu, offered=offered)
     note = "The program is executed on them and compared with the model, sample by sample."
+    replays = several("replayed", "Recordings to run through the program", note, bench.used_as_options)
     targets = [{"label": target.title, "value": name} for name, target in TARGETS.items()]
     target = one_of("target", "Control", list(TARGETS))
-    tested = (
-        "As st:1a2b3c4d, 8 digits or more from its head; no other program, control or sign is then called verified."
-    )
+    tested = "As st:1a2b3c4d, 8 digits or more from its head; no other program or sign is then called verified."
     boxes = (
         models,
-        replace(target, control=partial(_menu, targets)),
-        replace(
-            several("replayed", "Recordings to run through the program", note, bench.used_as_options),
-            read=replayed,
-            shown=shown,
-        ),
+        replace(target, control=partial(parts.choice, targets)),
+        replace(replays, read=replayed, shown=shown),
         tick("is_sign_verified", FIELDS["--sign-verified"]),
         Box("tested", FIELDS["--tested"], tested),
-    )
+        Box(
+            "margin", FIELDS["--margin"], "of the width of each range; nobody has seen what the machine does there",
+            lambda text: typed.number(text or "0", FIELDS["--margin"], 0.0, unit="%"), lambda share: f"{share:.12g}",
+        ),
+    )  # fmt: skip
     return Boxes(ID, boxes, lambda: bench.export, bench.choose_export)
-
-
-def _menu(options: list[Any], box: str, value: str) -> Component:
-    return dcc.Dropdown(id=box, options=options, value=value or None, clearable=False)
 
 
 def layout(bench: Bench) -> Component:
@@ -78,7 +74,7 @@ def layout(bench: Bench) -> Component:
     sign, tested = boxes.fields(["is_sign_verified", "tested"])
     return parts.stacked(
         html.H1("Program for a control"),
-        html.Div(boxes.fields(["model", "target", "replayed"]), className="fields wide"),
+        html.Div(boxes.fields(["model", "target", "replayed", "margin"]), className="fields wide"),
         html.Div(id=f"{ID}-outputs"),
         html.Div([sign, html.P(_SIGN, className="about"), html.Div(tested, className="fields wide")]),
         parts.start_row(ID, "Export"),

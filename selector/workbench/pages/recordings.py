@@ -1,7 +1,7 @@
 """Recordings: load them, see what is wrong with them and how they were read, and correct that by hand."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import dash
@@ -20,7 +20,7 @@ from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.commands import option_of, told_path
 from selector.workbench.cycle import cycle_in
-from selector.workbench.readable import CELLS, NO_CHANNEL, Row, corrected, excerpt, is_fault, repaired, row_of, rows_of
+from selector.workbench.readable import CELLS, NO_CHANNEL, Row, corrected, excerpt, is_fault, repaired, rows_of
 from selector.workbench.study_folder import SIMULATION
 from selector.workbench.typed import FIELDS
 
@@ -34,7 +34,9 @@ _NOTES = {
 }  # fmt: skip
 _READING = tuple((name, FIELDS[option_of(name)], note) for name, note in _NOTES.items())
 _REPAIRS = (RUN_REPAIRED, TWO_LOGGERS)
-_GUESS = "* guessed, nobody said it"
+_CHANNELS = (
+    "* guessed. Correct what is wrong, then use the corrections: machine.toml is written, and the files read again."
+)
 
 
 @dataclass(frozen=True)
@@ -77,11 +79,11 @@ def layout(bench: Bench) -> Component:
         "or drop them here: text tables, Excel, Parquet, MAT, TDMS, MDF; one file a run.",
     )
     correct = html.Button("Use these corrections", id=f"{ID}-correct", className="main")
-    run = parts.field("Run", parts.choice(f"{ID}-run", [], None))
+    run = parts.field("Run", parts.choice([], f"{ID}-run", None))
     skip = html.Button("Go past the channels", className="skip", **parts.marks(data_skips=f"{ID}-correct"))
     read = [
         skip,
-        html.Div(id=f"{ID}-channels"),
+        parts.section("Channels", html.Div(id=f"{ID}-channels", className="scroll"), note=_CHANNELS),
         html.Div([correct, html.Span(id=f"{ID}-corrected", className="about", role="status")], className="row"),
         parts.section("What was recorded", run, html.Div(id=f"{ID}-courses")),
         html.Div(id=f"{ID}-findings"),
@@ -94,7 +96,7 @@ def layout(bench: Bench) -> Component:
         html.Div(id=f"{ID}-faults"),
         html.Div(id=f"{ID}-reading"),
         html.Div(read, id=f"{ID}-read", hidden=True),
-        *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("shown", "list", "used", "removed")),
+        *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("shown", "list", "used", "removed", "rows", "edited")),
     )
 
 
@@ -112,7 +114,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         Output(f"{ID}-read", "hidden"),
         Output(f"{ID}-faults", "children"),
         Output(f"{ID}-reading", "children"),
-        Output(f"{ID}-channels", "children"),
+        Output(f"{ID}-rows", "data"),
         Output(f"{ID}-findings", "children"),
         Output(f"{ID}-run", "options"),
         Output(f"{ID}-run", "value"),
@@ -135,7 +137,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
             False,
             _faults(bench),
             _way(bench),
-            _channels(rows_of(reading)),
+            _table_of_channels(rows_of(reading)),
             parts.section("What else was found", parts.remarks(others)) if others else None,
             runs,
             run if run in runs else [*faulty, *runs][0],
@@ -160,8 +162,9 @@ def register(app: dash.Dash, bench: Bench) -> None:
 
 
 def _register_files(app: dash.Dash, bench: Bench) -> None:
-    listed = ClientsideFunction(ID, "listed")
-    app.clientside_callback(listed, Output(f"{ID}-listed", "title"), Input(f"{ID}-list", "data"))
+    for place, store in (("listed", "list"), ("channels", "rows")):
+        drawn = ClientsideFunction(ID, place)
+        app.clientside_callback(drawn, Output(f"{ID}-{place}", "title"), Input(f"{ID}-{store}", "data"))
 
     @app.callback(Output(f"{ID}-files", "children"), Output(f"{ID}-list", "data"), Input(parts.REVISION, "data"))
     def _files(_: int) -> tuple[Any, Any]:
@@ -214,23 +217,15 @@ def _register_corrections(app: dash.Dash, bench: Bench) -> None:
             bench.correct(machine)
         parts.tell(bench)
 
-    @app.callback(
-        Output(f"{ID}-corrected", "children"),
-        Input(f"{ID}-correct", "n_clicks"),
-        *(State({"type": f"{ID}-{cell}", "channel": ALL}, "value") for cell in CELLS),
-        prevent_initial_call=True,
-    )
-    def _correct(_: int, *columns: list[str | None]) -> Any:
+    @app.callback(Output(f"{ID}-corrected", "children"), Input(f"{ID}-edited", "data"), prevent_initial_call=True)
+    def _correct(edited: list[dict[str, str]] | None) -> Any:
         reading = bench.inspection.reading
         old = [] if reading is None else rows_of(reading)
         # the rows may be those of a reading before
-        if reading is None or {len(column) for column in columns} != {len(old)}:
+        if reading is None or edited is None or [cells.get("name") for cells in edited] != [row.name for row in old]:
             return no_update
-        edited = [
-            row_of(dict(zip(CELLS, cells, strict=True)), row)
-            for row, cells in zip(old, zip(*columns, strict=True), strict=True)
-        ]
-        bench.correct(corrected(reading, edited))
+        texts: Any = ({name: cells.get(name, "").strip() for name in CELLS} for cells in edited)
+        bench.correct(corrected(reading, [replace(row, **said) for row, said in zip(old, texts, strict=True)]))
         parts.tell(bench)
         return f"Written to machine.toml in the study folder; {len(bench.used)} file(s) read with it."
 
@@ -294,7 +289,6 @@ def _table_of_files(bench: Bench) -> dict[str, Any]:
         for file in (run.file, *(one.file for one in run.beside)):
             runs.setdefault(file, []).append(run)
     rows = []
-    is_read = "reading …" if bench.is_reading else ""
     for one in bench.loaded:
         own = runs.get(str(one.path), []) if one.is_used else []
         facts: list[Any] = ["", "", "", ""]
@@ -302,16 +296,10 @@ def _table_of_files(bench: Bench) -> dict[str, Any]:
             facts = [sum(run.rows for run in own), span_text(sum(run.duration_s for run in own))]
             facts += [span_text(own[0].period_s), (own[0].start or "").replace("T", " ")]
         names = {run.name for run in own}
-        wrong = [finding for finding in bench.inspection.findings if is_fault(finding) and finding.where.run in names]
-        state, look = is_read if one.is_used else "left out", "about"
-        if wrong:
-            state, look = f"{len(wrong)} fault{'s' * (len(wrong) != 1)}", "wrong"
-        if one.problem is not None:
-            state, look = "cannot be read, see below", "wrong"
+        faults = sum(is_fault(finding) and finding.where.run in names for finding in bench.inspection.findings)
         cells = [one.path.name, *map(str, facts)]
-        rows.append({"used": one.is_used, "cells": cells, "state": state, "look": look})
-    columns = ["use", "file", "rows", "duration", "step", "start", ""]
-    return {"columns": columns, "numeric": ["rows", "duration", "step"], "rows": rows}
+        rows.append({"used": one.is_used, "cells": cells, "faults": faults, "refused": one.problem is not None})
+    return {"rows": rows, "reading": bench.is_reading}
 
 
 def _way(bench: Bench) -> Component:
@@ -354,31 +342,7 @@ def _clock(time: dict[str, Any]) -> str | None:
     return f"{columns} [{time['unit']}]{guessed}"
 
 
-def _channels(rows: tuple[Row, ...]) -> Component:
-    """The table in which roles, units, places and axes are corrected."""
-    guessed = {row.name for row in rows if row.guessed or row.reason}
-    note = (
-        f"{_GUESS}. Correct what is wrong, then use the corrections: machine.toml is written, and the files read again."
-        if guessed
-        else "All of it was said by a machine file or by the files themselves."
-    )
-    are_renamed = any(row.column != row.name for row in rows)
-    columns = ["channel", *(["column"] if are_renamed else []), "role", "unit", "place", "axis", "guessed"]
-    body = [
-        [
-            html.Span(row.name, className="name"),
-            *([row.column] if are_renamed else []),
-            parts.choice(_cell("role", row), [*ROLES, NO_CHANNEL], row.role),
-            *(
-                parts.typed_text(_cell(cell, row), getattr(row, cell), className=cell)
-                for cell in ("unit", "place", "axis")
-            ),
-            html.Span(", ".join(f"{what} *" for what in row.guessed) or row.reason, className="about"),
-        ]
-        for row in rows
-    ]
-    return parts.section("Channels", parts.table(columns, body, name="channels"), note=note)
-
-
-def _cell(cell: str, row: Row) -> dict[str, str]:
-    return {"type": f"{ID}-{cell}", "channel": row.name}
+def _table_of_channels(rows: tuple[Row, ...]) -> dict[str, Any]:
+    """What `recordings.js` draws: roles, units, places and axes to be corrected."""
+    facts = [{"marks": ", ".join(f"{what} *" for what in row.guessed) or row.reason, **asdict(row)} for row in rows]
+    return {"rows": facts, "roles": [*ROLES, NO_CHANNEL], "cells": CELLS}

@@ -33,7 +33,7 @@ def layout(bench: Bench) -> Component:
     asked = bench.simulation
     machine = dcc.Dropdown(bench.models(asked.kind), asked.model or None, id=f"{ID}-model", clearable=False)
     fields = [
-        parts.field("What is simulated", parts.choice(f"{ID}-kind", list(simulation_kinds()), asked.kind)),
+        parts.field("What is simulated", parts.choice(list(simulation_kinds()), f"{ID}-kind", asked.kind)),
         parts.field("Machine", machine),
     ]
     drop = parts.drop_zone(

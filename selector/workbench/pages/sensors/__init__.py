@@ -36,10 +36,8 @@ LAMBDA = (
     "λ says how alike two sensors must move to be in one group, of which one sensor is offered. Near 1 every sensor is "
     "alone and all are compared; lower, groups are fewer and larger, and sensors that say the same are out."
 )
-_LINEAR = (
-    "Numbers and pictures here are of linear models without memory, whatever the Selection page asks of powers, "
-    "products, memory and shrinking; the command below asks for all of it."
-)
+_LINEAR = "Numbers and pictures are of linear models without memory; the command asks for all that Selection asks for."
+_WAITS = "Adding up the samples … For the first time after an installation it takes a minute: the search is compiled."
 _GRAPH: Any = {**parts.GRAPH, "displayModeBar": False}
 
 
@@ -90,7 +88,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
             _moved(bench, {"level": text})
 
     forms = (wishes.register(app, bench), parts.Form((), take_level, ((f"{ID}-typed", "data"),)))
-    parts.register_table(app, "groups", pictures.GROUP_COLUMNS, lambda: _group_rows(bench))
+    parts.register_table(app, "groups", pictures.GROUP_COLUMNS, lambda: pictures.group_rows(_seen(bench)))
 
     @app.callback(
         Output(f"{ID}-body", "hidden"),
@@ -112,8 +110,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         except InputError as refused:
             return (True, parts.problem(refused), *nothing)
         if view is None:
-            waits = "Adding up the samples …" if bench.inspection.reading else "Load recordings that can be read first."
-            return (True, waits, *nothing)
+            return (True, _WAITS if bench.inspection.reading else "Load recordings that can be read first.", *nothing)
         now = _signature(bench, view)
         if now == shown:
             raise dash.exceptions.PreventUpdate
@@ -139,11 +136,6 @@ def register(app: dash.Dash, bench: Bench) -> None:
 
     task = parts.Task("selection", "Selection", command, lambda _: SELECTION, no_recordings(TITLE), forms)
     parts.register_start(app, bench, ID, task)
-
-
-def _group_rows(bench: Bench) -> list[list[object]]:
-    view = _seen(bench)
-    return [] if view is None else pictures.group_rows(view)
 
 
 def _seen(bench: Bench) -> View | None:
@@ -174,7 +166,9 @@ def _moved(bench: Bench, asked: Any) -> dict[str, Any]:
         bench.choose(target=above_zero(str(asked["target"]), FIELDS["--target"], "µm"))
         bench.live.look_at(taken=_reaching(bench, view) or None)
     elif "size" in asked or "take" in asked:
-        sensors = tuple(map(str, asked["take"] if "take" in asked else _of_size(view, int(asked["size"]))))
+        sets, size = exploration.best_sets, int(asked.get("size", 0))
+        chosen = asked["take"] if "take" in asked else sets[min(sets, key=lambda one: abs(one - size))]
+        sensors = tuple(map(str, chosen))
         if sensors:
             exploration.fixed(sensors)
         bench.live.look_at(taken=sensors)
@@ -182,11 +176,6 @@ def _moved(bench: Bench, asked: Any) -> dict[str, Any]:
         bench.live.look_at(response=str(asked["response"]))
     view = bench.live.view(exploration, bench.options)
     return {**_told(bench, view), "changes": pictures.moved(view, machine.pins(bench))}
-
-
-def _of_size(view: View, size: int) -> tuple[str, ...]:
-    sets = view.exploration.best_sets
-    return sets[min(sets, key=lambda one: abs(one - size))]
 
 
 def _reaching(bench: Bench, view: View) -> tuple[str, ...]:

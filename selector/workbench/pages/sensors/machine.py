@@ -51,11 +51,9 @@ class Dragged(BaseModel):
 
 def controls() -> Component:
     """The photo's upload and what else belongs to the machine picture."""
-    choose = html.Button("Choose a photo", **parts.marks(data_chooses=""))
-    note = " or drop it here: PNG or JPEG, its name begins with front or side for the view that it is of. It fills the "
+    note = "or drop it here: PNG or JPEG, its name begins with front or side for the view that it is of. It fills the "
     note += "view; drag the pins to their places on it."
-    drop = [choose, html.Span(note), html.Div(className="uploads")]
-    area = html.Div(drop, className="drop", **parts.marks(data_uploads=PICTURES))
+    area = parts.drop_zone(PICTURES, "Choose a photo", note)
     return html.Details(
         [html.Summary("Your own photo behind the pins"), area, dcc.Store(id=f"{ID}-dragged", data=None)]
     )

@@ -176,10 +176,10 @@ def groups(view: View) -> list[dict[str, Any]]:
     ]
 
 
-def group_rows(view: View) -> list[list[object]]:
-    """A row for each sensor under `GROUP_COLUMNS`."""
+def group_rows(view: View | None) -> list[list[object]]:
+    """A row for each sensor under `GROUP_COLUMNS`; none where nothing is seen."""
     return [
         [number, name, name in group["representatives"], name in group["shown"], group["because"]]
-        for number, group in enumerate(groups(view), start=1)
+        for number, group in enumerate(groups(view) if view else (), start=1)
         for name in group["sensors"]
     ]

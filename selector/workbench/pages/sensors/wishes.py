@@ -94,7 +94,7 @@ def _table(bench: Bench) -> Component:
         use_box, cost_box, place_box = rows.boxes(channel.name)
         name = html.Span(channel.name, className="name")
         fields = [parts.typed_text(cost_box, cost), parts.typed_text(place_box, place, className="place")]
-        shown.append([name, channel.place or "", parts.choice(use_box, USES, use), *fields])
+        shown.append([name, channel.place or "", parts.choice(USES, use_box, use), *fields])
     return parts.table(["sensor", "place", "use", "cost", "x, y, z [m]"], shown, name="channels sensors")
 
 
