@@ -17,6 +17,7 @@ from selector.workbench import parts
 from selector.workbench.access import RESULT_POLICY, UPLOAD, Access, CheckedDash, answer_refusals, defect, guard
 from selector.workbench.bench import Bench
 from selector.workbench.commands import command_words
+from selector.workbench.live import Latest
 from selector.workbench.pages import Page, diagnosis, export, prediction, recordings, selection, sensors, simulation
 from selector.workbench.pages.measured import BALL_BAR_PAGE, TAPS_PAGE
 from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored, trouble_with
@@ -117,7 +118,10 @@ def _status(bench: Bench) -> dict[str, Any]:
         return {"said": "Reading recordings …", "is_working": True}
     job = bench.jobs.current
     if job is None:
-        lives = {"Adding up the samples …": bench.live.latest, "Simulating …": bench.simulated_live}
+        lives: dict[str, Latest[Any]] = {
+            "Adding up the samples …": bench.live.latest,
+            "Simulating …": bench.simulated_live,
+        }
         if doing := [said for said, live in lives.items() if live.is_working]:
             return {"said": doing[0], "is_working": True}
         last = bench.jobs.all[-1] if bench.jobs.all else None

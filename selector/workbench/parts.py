@@ -252,7 +252,7 @@ class Task:
 
     page: str  #: Ids: button ``{page}-start``, place ``{page}-answer``, store ``{page}-answered``
     title: str
-    command: Callable[[Bench], Sequence[str] | None]
+    command: Callable[[Bench], Sequence[str] | None]  #: Changes nothing
     folder: Callable[[Bench], str]  #: In the study folder
     missing: InputError  #: What is missing where there is no command
     forms: Sequence[Form] = ()
@@ -260,6 +260,8 @@ class Task:
     #: The results, from a stamp that tells this sheet from another one and what the command said to programs
     answered: Callable[[Bench, str, dict[str, Any] | None], Any] = lambda bench, stamp, said: None
     is_asked_as_data: bool = False  #: Whether the command is asked what it says to programs
+    prepare: Callable[[Bench], object] = lambda bench: None  #: Writes what the command needs, when it is started
+    elsewhere: Callable[[Bench], Sequence[str] | None] = lambda bench: None  #: As `command`, of another page
 
 
 def register_start(app: dash.Dash, bench: Bench, page: str, task: Task) -> None:
@@ -278,6 +280,7 @@ def register_start(app: dash.Dash, bench: Bench, page: str, task: Task) -> None:
         asked = task.command(bench)
         if asked is None:
             raise task.missing.with_traceback(None)
+        task.prepare(bench)
         data = ["--json"] if task.is_asked_as_data else []
         job = bench.start(task.title, [*asked, *data], bench.folder / task.folder(bench))
         set_props(AWAITED, {"data": [task.page, job.number]})
@@ -287,7 +290,8 @@ def register_start(app: dash.Dash, bench: Bench, page: str, task: Task) -> None:
 def register_task(app: dash.Dash, bench: Bench, task: Task) -> None:
     """The button of a page, and its place of the answer: what the last job with this title said and wrote.
 
-    What is shown stays as it is, opened details too, where nothing of it is different.
+    Above it stands what was chosen or made since. What is shown stays as it is, opened details too, where nothing of it
+    is different.
     """
     register_start(app, bench, task.page, task)
 
@@ -309,29 +313,21 @@ def register_task(app: dash.Dash, bench: Bench, task: Task) -> None:
         # what a command printed says the answer again, folded; trouble and patience come before an earlier answer
         return shown[::-1] if job is not None and job.state == "done" else shown, now
 
-
-def register_earlier(
-    app: dash.Dash, bench: Bench, task: Task, now: Callable[[Bench], Iterable[Sequence[str] | None]]
-) -> None:
-    """In ``{page}-earlier``: what was chosen or made since the answer below; `now` has the commands that it may be."""
-
     @app.callback(Output(f"{task.page}-earlier", "children"), Input(REVISION, "data"))
     def _earlier(_: int) -> Component | None:
         sheet = bench.folder / task.folder(bench) / task.sheet
         then = [job.command for job in bench.jobs.all if job.state == "done" and job.out == sheet.parent]
-        ways = [command for command in now(bench) if command is not None]
+        ways = [command for command in (task.command(bench), task.elsewhere(bench)) if command is not None]
         if not then or not ways or not sheet.is_file():
             return None
         others = min((differing_fields(command, then[-1]) for command in ways), key=len)
         made = (bench.folder / word for word in then[-1] if not word.startswith("-"))
         newer = [path.name for path in made if path.is_file() and path.stat().st_mtime_ns > sheet.stat().st_mtime_ns]
         if others or newer:
-            said = f"What is below was made before this changed: {', '.join([*others, *newer])}. Start again."
+            said = f"The answer was made before this changed: {', '.join([*others, *newer])}. Start again."
             return html.P(said, className="advice first bad")
         elsewhere = differing_fields(ways[0], then[-1])
-        said = (
-            f"What is below was started on another page. Started here, these would be others: {', '.join(elsewhere)}."
-        )
+        said = f"The answer was started on another page. Started here, these would be others: {', '.join(elsewhere)}."
         return html.P(said, className="about") if elsewhere else None
 
 
@@ -351,8 +347,9 @@ def _options(command: Sequence[str]) -> set[tuple[str, str]]:
 
 
 def answer_place(page: str) -> list[Component]:
-    """Where the answer of a page's `Task` is shown."""
-    return [html.Div(id=f"{page}-answer"), dcc.Store(id=f"{page}-answered", data=None)]
+    """Where the answer of a page's `Task` is shown, below what was chosen or made since."""
+    earlier = html.Div(id=f"{page}-earlier", role="status")
+    return [earlier, html.Div(id=f"{page}-answer"), dcc.Store(id=f"{page}-answered", data=None)]
 
 
 def start_row(page: str, text: str = "Start") -> Component:

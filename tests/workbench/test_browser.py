@@ -74,6 +74,9 @@ def test_from_a_file_to_a_report(page, bench, study, tmp_path):
     told = "selector describe 'recordings/warm up.csv'"
     api.expect(page.locator("#command")).to_contain_text(told, timeout=PATIENCE_MS)
 
+    # what was guessed is said where it can be corrected, not by the way of the command line
+    page.locator("table.channels .about", has_text="role *").first.wait_for()
+    assert page.get_by_text("No machine file says").count() == 0
     # a wrong unit is refused, the right one is written and read
     unit = page.locator("table.channels tr", has_text="T1").first.locator(".unit input")
     unit.fill("furlong")
@@ -144,7 +147,10 @@ def test_a_diagnosis_and_an_export(page, bench, study):
     sheet.get_by_role("cell", name="Z").first.wait_for()
     marks_a_stretch(page, sheet)
 
+    # how a command ended stands on its own page, not below all others
+    api.expect(page.locator("#status")).to_have_text("Diagnosis: done.", timeout=PATIENCE_MS)
     page.locator("#to-export").click()
+    api.expect(page.locator("#status")).to_have_text("Ready.", timeout=PATIENCE_MS)
     page.get_by_text("export diagnosis/model.json --for c").wait_for()
     # all are replayed, unless others are chosen
     api.expect(page.locator("#command")).to_contain_text("r3.csv", timeout=PATIENCE_MS)

@@ -260,6 +260,11 @@ def test_a_duty_cycle_is_dragged_typed_and_predicted(page, bench):
     assert any(
         len(text) > 40 and text.strip() in (bench.folder / "prediction" / "program.txt").read_text() for text in blocks
     )
+    # a program for another cycle than that above it is told
+    assert page.locator("#prediction-earlier").inner_text() == ""
+    steps.fill("60 at 2000; 60 at 1000")
+    steps.press("Enter")
+    page.locator("#prediction-earlier").get_by_text("made before this changed: cycle.csv").wait_for()
 
 
 def test_a_machine_is_picked_and_the_pictures_follow_its_parameters(page, bench, monkeypatch):

@@ -150,6 +150,8 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
   // what could not be done on one page is no notice of the next; here, since the server's answer may come after a
   // refusal on the new page
   window.addEventListener("hashchange", () => {
+    // nor is how a command ended, which its own page shows
+    if (drawn && !drawn.is_working && !drawn.is_lost) parts[0].textContent = "Ready.";
     if (document.getElementById("notice").hasChildNodes()) frame.set("notice", { children: null });
   });
 

@@ -78,7 +78,6 @@ def layout(bench: Bench) -> Component:
         html.Div(id=f"{ID}-outputs"),
         html.Div([sign, html.P(_SIGN, className="about"), html.Div(tested, className="fields wide")]),
         parts.start_row(ID, "Export"),
-        html.Div(id=f"{ID}-earlier", role="status"),
         *parts.answer_place(ID),
         boxes.followed(),
         _rows(bench).followed(),
@@ -128,7 +127,6 @@ def register(app: dash.Dash, bench: Bench) -> None:
     )
     task = parts.Task(ID, TITLE, command, lambda _: bench.export.folder, missing, forms, SHEET, _answered, True)
     parts.register_task(app, bench, task)
-    parts.register_earlier(app, bench, task, lambda _: [command(bench)])
 
 
 def _rows(bench: Bench) -> Rows:

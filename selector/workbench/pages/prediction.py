@@ -125,14 +125,10 @@ def register(app: dash.Dash, bench: Bench) -> None:
         where=TITLE,
         advice="load tests on the first page, and draw the cycle here",
     )
-    task = parts.Task(ID, TITLE, _started, lambda _: PREDICTION, missing, [steps, form], answered=_answered)
+    how = (command, lambda _: PREDICTION, missing, [steps, form])
+    # the file of a duty cycle that nobody has changed
+    task = parts.Task(ID, TITLE, *how, answered=_answered, prepare=lambda _: bench.choose_cycle(bench.cycle.steps))
     parts.register_task(app, bench, task)
-
-
-def _started(bench: Bench) -> tuple[str, ...] | None:
-    """The command, after the file of the duty cycle has been written."""
-    bench.choose_cycle(bench.cycle.steps)
-    return command(bench)
 
 
 def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:

@@ -13,7 +13,7 @@ from selector.findings import Finding
 from selector.number_text import span_text
 from selector.quality import stretches
 from selector.readers import Overrides
-from selector.readers.finding_table import RUN_REPAIRED, TWO_LOGGERS
+from selector.readers.finding_table import ROLES_GUESSED, RUN_REPAIRED, TWO_LOGGERS
 from selector.shipped import shipped
 from selector.units import ROLES
 from selector.workbench import parts, typed
@@ -34,6 +34,7 @@ _NOTES = {
 }  # fmt: skip
 _READING = tuple((name, FIELDS[option_of(name)], note) for name, note in _NOTES.items())
 _REPAIRS = (RUN_REPAIRED, TWO_LOGGERS)
+_ELSEWHERE = (*_REPAIRS, ROLES_GUESSED)  #: The table of channels marks what was guessed, and is where it is corrected
 _CHANNELS = (
     "* guessed. Correct what is wrong, then use the corrections: machine.toml is written, and the files read again."
 )
@@ -131,7 +132,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         if reading is None:
             return (True, None, _way(bench) if bench.loaded else None, None, None, [], None, inspection.number)
         runs = [one.name for one in reading.runs]
-        others = [one for one in inspection.findings if not is_fault(one) and one.id not in _REPAIRS]
+        others = [one for one in inspection.findings if not is_fault(one) and one.id not in _ELSEWHERE]
         faulty = [one.where.run for one in inspection.findings if is_fault(one) and one.where.run in runs]
         return (
             False,

@@ -82,7 +82,6 @@ def layout(bench: Bench) -> Component:
         html.Div(boxes.fields(_TICKS), className="ticks"),
         html.P(sensors, className="about"),
         parts.start_row(ID),
-        html.Div(id=f"{ID}-earlier", role="status"),
         *parts.answer_place(ID),
         boxes.followed(),
     )
@@ -103,14 +102,12 @@ def register(app: dash.Dash, bench: Bench) -> None:
     """Options go to the bench as soon as they are changed, so that the command shows them."""
     form = _boxes(bench).register(app, bench)
 
-    task = parts.Task(ID, TITLE, command, lambda _: SELECTION, no_recordings(TITLE), [form], answered=_answered)
-    parts.register_task(app, bench, task)
-
     # the Sensors page starts it, too, with what is looked at there
-    def ways(_: Bench) -> list[tuple[str, ...] | None]:
-        return [_command(bench, options) for options in (bench.options, bench.live.asked(bench.options))]
+    def elsewhere(_: Bench) -> tuple[str, ...] | None:
+        return _command(bench, bench.live.asked(bench.options))
 
-    parts.register_earlier(app, bench, task, ways)
+    how = (command, lambda _: SELECTION, no_recordings(TITLE), [form])
+    parts.register_task(app, bench, parts.Task(ID, TITLE, *how, answered=_answered, elsewhere=elsewhere))
 
 
 def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:

@@ -59,7 +59,7 @@ def command(bench: Bench) -> tuple[str, ...] | None:
     asked = bench.simulation
     if asked.model not in bench.models(asked.kind):
         return None
-    path = Path(asked.model) if not asked.values else bench.folder / MODELS / f"changed-{Path(asked.model).name}"
+    path = bench.folder / _changed(asked) if asked.values else Path(asked.model)
     return (
         "simulate", asked.kind, told_path(bench.folder, path), "--out", f"{SIMULATED}/run.csv",
         "--report", f"{SIMULATED}/report.html",
@@ -119,18 +119,19 @@ def register(app: dash.Dash, bench: Bench) -> None:
     choices.register(app)
 
     missing = OptionError("no machine", expected="a model file", where=TITLE, advice="choose one")
-    task = parts.Task(ID, TITLE, _started, lambda _: SIMULATED, missing, [choices, values], answered=_answered)
-    parts.register_task(app, bench, task)
+    how = (command, lambda _: SIMULATED, missing, [choices, values])
+    parts.register_task(app, bench, parts.Task(ID, TITLE, *how, answered=_answered, prepare=_prepare))
 
 
-def _started(bench: Bench) -> tuple[str, ...] | None:
-    """The command, after the changed machine and the folder that it needs have been written."""
-    asked = command(bench)
-    if asked is not None:
-        (bench.folder / SIMULATED).mkdir(exist_ok=True)
-        if bench.simulation.values:
-            bench.write_model(asked[2], model_shown(bench.simulation))
-    return asked
+def _prepare(bench: Bench) -> None:
+    """The folder of the recording, and the changed machine."""
+    (bench.folder / SIMULATED).mkdir(exist_ok=True)
+    if bench.simulation.values:
+        bench.write_model(_changed(bench.simulation), model_shown(bench.simulation))
+
+
+def _changed(asked: Simulation) -> str:
+    return f"{MODELS}/changed-{Path(asked.model).name}"
 
 
 def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
