@@ -91,7 +91,10 @@ def _without_unit(text: str, unit: str) -> str:
 
 
 def _limits(low: float, high: float, unit: str) -> str:
-    if math.isfinite(low) and math.isfinite(high):
+    if 0.0 < low <= _LEAST:
+        # it only keeps 0 out
+        said = f" above 0, at most {high:g}" if math.isfinite(high) else " above 0"
+    elif math.isfinite(low) and math.isfinite(high):
         said = f" from {low:g} to {high:g}"
     else:
         said = f" of at least {low:g}" if math.isfinite(low) else ""

@@ -197,6 +197,20 @@ def test_a_diagnosis_is_saved_with_what_it_compares(bench, tmp_path):
     assert again.diagnosis.holdout == "0.25"
 
 
+def test_a_recording_is_let_go_and_only_a_copy_of_the_study_is_deleted(bench, tmp_path):
+    copy = tmp_path / "recordings" / "r3.csv"
+    copy.parent.mkdir()
+    copy.write_bytes((VMC / "r3.csv").read_bytes())
+    bench.add(copy)
+    assert len(settled(bench).inspection.reading.runs) == 3
+    for path in (copy, VMC / "r2.csv"):
+        bench.remove(path)
+    assert [run.name for run in settled(bench).inspection.reading.runs] == ["r1"]
+    assert [one.path for one in bench.loaded] == [VMC / "r1.csv"]
+    assert not copy.exists()
+    assert (VMC / "r2.csv").is_file()
+
+
 def test_an_export_is_taken_up_again_but_nobody_is_told_that_a_sign_test_was_passed(bench, tmp_path):
     asked = {
         "model": "selection/model.json", "target": "st", "replayed": (VMC / "r2.csv",), "clamp_um": {"Z": 40.5},

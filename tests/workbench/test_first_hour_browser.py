@@ -158,6 +158,14 @@ def test_from_an_example_to_a_program_by_keyboard_alone(page, bench):
     page.get_by_text("it differs from the model by at most").wait_for()
     assert page.locator("#page-export table.files").get_by_text("thermal_correction.c", exact=True).is_visible()
     assert page.locator("#export-answer").get_by_text("What the command said").count() == 0
+    # a menu is searched by typing, though the focus is at what is chosen
+    reach(page, "export-target")
+    page.keyboard.press("Enter")
+    page.get_by_role("option", name="C99").wait_for()
+    page.keyboard.type("sinu")
+    page.get_by_role("option", name="C99").wait_for(state="hidden")
+    page.keyboard.press("Enter")
+    api.expect(page.locator("#command")).to_contain_text("--for sinumerik", timeout=PATIENCE_MS)
 
 
 def test_faults_are_told_first_and_repaired_with_a_click(page, bench, tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import typer
 
@@ -37,6 +39,13 @@ def test_a_number_with_the_unit_of_its_field(text):
 def test_a_number_with_another_unit_is_refused(text):
     with pytest.raises(OptionError, match="from 0 to 100 µm"):
         number(text, "largest correction", 0.0, 100.0, "µm")
+
+
+def test_a_limit_that_only_keeps_0_out_is_told_so():
+    for high, said in ((math.inf, "a number above 0 µm"), (999_999.0, "a number above 0, at most 999999 µm")):
+        with pytest.raises(OptionError) as refused:
+            number("0", "largest correction", 1e-6, high, "µm")
+        assert refused.value.expected.startswith(said)
 
 
 def test_several_numbers():

@@ -173,6 +173,12 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
     }
   }
 
+  // a letter that is typed in an open menu is searched for, wherever in it the focus is
+  document.addEventListener("keydown", ({ target, key, ctrlKey, metaKey, altKey }) => {
+    const search = target.closest?.(".dash-dropdown-content")?.querySelector(".dash-dropdown-search");
+    if (search && target !== search && /^\S$/u.test(key) && !ctrlKey && !metaKey && !altKey) search.focus();
+  }, true);
+
   document.addEventListener("click", (event) => {
     const copies = event.target.closest("[data-copies]");
     if (copies) {
