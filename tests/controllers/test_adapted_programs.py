@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields
 
 import numpy as np
@@ -204,8 +205,11 @@ def test_controls_that_cannot_take_touch_offs_say_so(target, tmp_path):
 
     write_model(steady(), tmp_path / "m.json")
     export = export_model(tmp_path / "m.json", target, tmp_path / "out")
-    assert "adaptation-not-exported" in {finding.id for finding in export.findings}
+    [told] = [finding for finding in export.findings if finding.id == "adaptation-not-exported"]
     assert export.model.adaptation is None
+    # the advice names those that cannot, and no other
+    named = set(re.findall(r"\w+", told.suggestion)) & set(TARGETS)
+    assert named == {name for name, of in TARGETS.items() if not of.takes_touch_offs}
 
 
 @pytest.mark.parametrize("target", [name for name, of in TARGETS.items() if of.takes_touch_offs])
