@@ -195,6 +195,17 @@ class ModelFamily(Generic[File]):
         )
 
 
+def word_of_kind(model: Path) -> Any:
+    """What stands under ``kind`` in a model file, be it no word; None if nothing does.
+
+    Raises OSError, TOMLDecodeError or RecursionError: the file cannot be read.
+    """
+    with model.open("rb") as file:
+        text = file.read(LARGEST_FILE_BYTES).decode("utf-8-sig", errors="replace")
+    section = tomllib.loads(text.replace("\r\n", "\n")).get("model")
+    return section.get("kind") if isinstance(section, dict) else None
+
+
 def invalid(
     problems: Iterable[Any],
     schema: type[BaseModel],

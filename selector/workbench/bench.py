@@ -6,6 +6,7 @@ Pages read it and change it; none of them keeps a state of its own. It may be us
 import dataclasses
 import json
 import threading
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partialmethod
 from pathlib import Path
@@ -13,7 +14,8 @@ from typing import Any
 
 from selector.atomic_file import write_whole
 from selector.physics.model_fields import model_file_text
-from selector.physics.model_text import plain_values
+from selector.physics.model_text import plain_values, word_of_kind
+from selector.physics.simulation_kind import kind_of_file
 from selector.physics.thermal.field.mesh_file import FORMATS
 from selector.readers import Machine, Overrides, guessed_clock, write_machine_file
 from selector.shipped import shipped_models
@@ -94,7 +96,7 @@ class Bench:
 
     def models(self, kind: str) -> dict[str, str]:
         """Path → name of every model file that may be of this kind: shipped ones, and those of the study folder."""
-        own = [path for path in files_in(self.folder / MODELS) if path.suffix == ".toml"]
+        own = [path for path in files_in(self.folder / MODELS) if path.suffix == ".toml" and _may_be(path, kind)]
         return {str(path): path.stem for path in (*shipped_models(kind), *own)}
 
     @property
@@ -308,3 +310,13 @@ class Bench:
         """Something that pages show is different now, e.g. a file of the study folder."""
         with self._lock:
             self.revision += 1
+
+
+def _may_be(model: Path, kind: str) -> bool:
+    """Whether a model file says that it is of this kind, or nothing that a reader of another kind knows."""
+    try:
+        word = word_of_kind(model)
+    except (OSError, tomllib.TOMLDecodeError, RecursionError):
+        return True
+    other = kind_of_file(word) if isinstance(word, str) else None
+    return other is None or other.name == kind

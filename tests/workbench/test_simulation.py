@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from selector.workbench.bench import Bench
 from selector.workbench.pages import simulation
+from selector.workbench.study_folder import MODELS
 
 
 def test_the_fields_of_a_machine_whose_file_is_still_read_when_another_is_chosen(tmp_path, monkeypatch):
@@ -26,3 +27,14 @@ def test_the_fields_of_a_machine_whose_file_is_still_read_when_another_is_chosen
     assert column.read("3,5", "films.air.still_w_per_m2_k") == 3.5
     assert rows.choose({"value": {"films.air.still_w_per_m2_k": 3.5}}) is False
     assert bench.simulation.values == {}
+
+
+def test_a_model_file_is_offered_for_its_own_kind_and_what_says_no_kind_for_every_one(tmp_path):
+    bench = Bench(tmp_path)
+    own = bench.folder / MODELS
+    own.mkdir(exist_ok=True)
+    texts = {"axis": '[model]\nkind = "drive"\nname = "a"\n', "torn": "[model\n", "new": '[model]\nkind = "laser"\n'}
+    for name, text in texts.items():
+        (own / f"{name}.toml").write_text(text, encoding="utf-8")
+    offered = {kind: set(bench.models(kind).values()) & set(texts) for kind in ("thermal", "drive")}
+    assert offered == {"thermal": {"torn", "new"}, "drive": {"axis", "torn", "new"}}

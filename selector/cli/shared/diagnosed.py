@@ -127,7 +127,7 @@ def _read(model: Path) -> tuple[str, Any, dict[str, Any]]:
 
 def _kind_of(model: Path) -> SimulationKind:
     """What `kind` in a model file says; a file that says nothing of use is left to a reader that complains."""
-    from selector.physics.model_text import LARGEST_FILE_BYTES
+    from selector.physics.model_text import word_of_kind
     from selector.physics.simulation_kind import kind_of_file, simulation_kinds
 
     kinds = simulation_kinds()
@@ -141,12 +141,8 @@ def _kind_of(model: Path) -> SimulationKind:
     if model.exists() and not model.is_file():
         # the reader refuses it; opening a pipe would wait for ever
         return kinds["thermal"]
-    found: Any = None
     try:
-        with model.open("rb") as file:
-            text = file.read(LARGEST_FILE_BYTES).decode("utf-8-sig", errors="replace")
-        section = tomllib.loads(text.replace("\r\n", "\n")).get("model")
-        found = section.get("kind") if isinstance(section, dict) else None
+        found = word_of_kind(model)
     except (OSError, tomllib.TOMLDecodeError, RecursionError):
         return kinds["thermal"]
     kind = kind_of_file(found) if isinstance(found, str) else None
