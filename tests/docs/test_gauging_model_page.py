@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from selector.physics import model_text
 from selector.physics.gauging import model_file as schema
 from selector.physics.gauging import transducer
 from selector.physics.gauging.gauged_grinding import MOST_STEPS
@@ -88,7 +89,7 @@ def test_every_key_is_explained_and_no_other(heading):
 def test_the_limits_are_those_of_the_program():
     text = PAGE.read_text(encoding="utf-8").replace("\n  ", " ")
     for number, what in (
-        (schema.MOST_STAGES, "stages"), (schema.MOST_PARTS, "parts"), (schema.MOST_SAMPLES, "samples of a part"),
+        (schema.MOST_STAGES, "stages"), (schema.MOST_PARTS, "parts"), (model_text.MOST_SAMPLES, "samples of a part"),
         (MOST_STEPS, "steps of the calculation"), (schema.MOST_WAVEFORM_S, "s of waveform"),
     ):  # fmt: skip
         assert f"{int(number):,} {what}".replace(",", " ") in text, what
