@@ -124,12 +124,13 @@ def _fitted(comparison: Comparison, sources: Sequence[str], course: Vector) -> _
     low = 2.0 * comparison.period_s
     grid = [0.0, *np.geomspace(low, max(2.0 * comparison.longest_s, 4.0 * low), _GRID).tolist()]
     terms = [(name, tau) for name in sources for tau in grid]
-    candidates = np.column_stack([_behind(comparison, *term) for term in terms])
+    # a source at a time: all of them at once would be copied as a whole
+    candidates = [np.column_stack([_behind(comparison, name, tau) for tau in grid]) for name in sources]
     chosen: list[tuple[str, float]] = []
     base = [np.ones(len(course))]
     missed = 1.0
     while len(chosen) < _MOST_TERMS and missed > _EXACT:
-        name, tau_s = terms[int(np.argmin(_missed(base, candidates, course)))]
+        name, tau_s = terms[int(np.argmin(np.concatenate([_missed(base, of, course) for of in candidates])))]
         if tau_s > 0.0:
             tau_s = _refined(comparison, name, tau_s, grid, base, course)
         column = _behind(comparison, name, tau_s)
