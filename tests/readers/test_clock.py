@@ -6,6 +6,7 @@ import pytest
 
 from selector.errors import ReadError
 from selector.readers import Overrides, read
+from selector.readers.clock.stamps import stamps as stamps_of
 from selector.readers.machine_file import machine_from_text
 from selector.readers.roles.names import name_and_unit
 
@@ -379,3 +380,9 @@ def test_units_of_time_in_other_languages(reads, times, unit, second):
     # hours and weeks are seconds by one multiplication
     assert times(reading) == pytest.approx([float(second * i) for i in range(8)], rel=1e-12)
     assert "time-unit-guessed" not in {finding.id for finding in reading.findings}
+
+
+@pytest.mark.parametrize("label", ["N° 12-5-3", "№№ 3.2 5", "→→→ 2024-01-05", "12 kΩ·m 5"])
+def test_signs_before_numbers_are_no_weekday_and_no_month(label):
+    cells = np.array([label] * 3, dtype=np.object_)
+    assert stamps_of(cells, "label", "file", None, False) is None
