@@ -16,7 +16,7 @@ from selector.controllers.model_file import Input, ModelFile, OutputLimits, equa
 from selector.controllers.replay.replayed import Replay, replay_findings, replayed
 from selector.controllers.self_check import sealed, usable_model
 from selector.controllers.writers.exported import Exported
-from selector.controllers.writers.targets import TARGETS, Target
+from selector.controllers.writers.targets import LARGEST_MARGIN_PERCENT, TARGETS, Target
 from selector.errors import NotExecutableError, OptionError
 from selector.findings import Finding
 from selector.physics.simulation_kind import Progress
@@ -32,7 +32,6 @@ SHEET = "commissioning.html"
 MODEL = "model.json"
 _FEWEST_DIGITS = 8
 _LIMITS_BELOW = 1e6
-LARGEST_MARGIN_PERCENT = 100.0
 
 
 @dataclass(frozen=True)

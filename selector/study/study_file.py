@@ -136,7 +136,7 @@ class ExportSection(Table):
     replay: Annotated[tuple[KeyPath, ...], Field(strict=False, max_length=MOST_FILES)] = ()
     clamp: Mapping[Name, Limit] = Field(default_factory=dict)
     slew: Mapping[Name, Limit] = Field(default_factory=dict)
-    margin: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    margin: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] | None = None
     invert: Names = ()
 
 

@@ -27,7 +27,16 @@ from selector.workbench.jobs import Job, Jobs
 from selector.workbench.live import Latest, Live
 from selector.workbench.readable import Inspection, Loaded, as_far_as_readable, inspected, placed
 from selector.workbench.saved_study import Asked, asked_in, save
-from selector.workbench.study_folder import CYCLE, MACHINE, MACHINE_BEFORE, MODELS, RECORDINGS, SIMULATION, files_in
+from selector.workbench.study_folder import (
+    CYCLE,
+    MACHINE,
+    MACHINE_BEFORE,
+    MODELS,
+    RECORDINGS,
+    SIMULATION,
+    files_in,
+    put_away,
+)
 
 #: What files beside recordings are that are no simulated runs: a model that a diagnosis runs itself, and its mesh.
 MODEL_ENDINGS = dict.fromkeys((".toml", ".fmu"), "a model, run by the diagnosis")
@@ -135,10 +144,13 @@ class Bench:
         self.read()
 
     def remove(self, path: Path) -> None:
-        """Lets a recording go; a copy in the study folder is deleted, a file elsewhere stays where it is."""
+        """Lets a recording go; a file in the study folder is put away, one elsewhere stays where it is.
+
+        Raises OptionError: the file cannot be moved.
+        """
         with self._lock:
             if path.parent == self.folder / RECORDINGS:
-                path.unlink(missing_ok=True)
+                put_away(self.folder, path)
             is_used = path in self.used
             self._loaded = [one for one in self._loaded if one.path != path]
             self.changed()
@@ -188,7 +200,7 @@ class Bench:
         path.parent.mkdir(exist_ok=True)
         if mesh := getattr(file, "mesh", None):
             write_whole(path.with_name(Path(mesh.file).name), Path(mesh.file).read_bytes())
-        write_whole(path, model_file_text(plain_values(file)).encode("utf-8"))
+        write_whole(path, model_bytes(file))
 
     def _taken(self, name: str, asked: object) -> bool:
         if asked == getattr(self, name):
@@ -310,6 +322,11 @@ class Bench:
         """Something that pages show is different now, e.g. a file of the study folder."""
         with self._lock:
             self.revision += 1
+
+
+def model_bytes(file: Any) -> bytes:
+    """A model file as it is written."""
+    return model_file_text(plain_values(file)).encode("utf-8")
 
 
 def _may_be(model: Path, kind: str) -> bool:

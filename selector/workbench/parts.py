@@ -23,6 +23,7 @@ from selector.telling.account import Account, Captioned, Drawing, Listing
 from selector.workbench.access import checked
 from selector.workbench.bench import Bench
 from selector.workbench.jobs import Job
+from selector.workbench.study_folder import REMOVED, put_away
 from selector.workbench.typed import FIELDS, in_words_of_fields
 
 #: Store of the frame: `Bench.revision` as the page shows it. ``Input(REVISION, "data")`` hears of every change.
@@ -262,6 +263,7 @@ class Task:
     is_asked_as_data: bool = False  #: Whether the command is asked what it says to programs
     prepare: Callable[[Bench], object] = lambda bench: None  #: Writes what the command needs, when it is started
     elsewhere: Callable[[Bench], Sequence[str] | None] = lambda bench: None  #: As `command`, of another page
+    unwritten: Callable[[Bench], Iterable[str]] = lambda bench: ()  #: What `prepare` would write otherwise than it is
 
 
 def register_start(app: dash.Dash, bench: Bench, page: str, task: Task) -> None:
@@ -321,14 +323,27 @@ def register_task(app: dash.Dash, bench: Bench, task: Task) -> None:
         if not then or not ways or not sheet.is_file():
             return None
         others = min((differing_fields(command, then[-1]) for command in ways), key=len)
-        made = (bench.folder / word for word in then[-1] if not word.startswith("-"))
-        newer = [path.name for path in made if path.is_file() and path.stat().st_mtime_ns > sheet.stat().st_mtime_ns]
+        newer = made_since(bench, task, then[-1])
         if others or newer:
             said = f"The answer was made before this changed: {', '.join([*others, *newer])}. Start again."
             return html.P(said, className="advice first bad")
         elsewhere = differing_fields(ways[0], then[-1])
         said = f"The answer was started on another page. Started here, these would be others: {', '.join(elsewhere)}."
         return html.P(said, className="about") if elsewhere else None
+
+
+def made_since(bench: Bench, task: Task, command: Sequence[str]) -> list[str]:
+    """What the command of an answer read, and was changed since; what it wrote itself may be later than its sheet."""
+    sheet = bench.folder / task.folder(bench) / task.sheet
+    read = [bench.folder / word for word in command if not word.startswith("-")]
+    made = [path for path in read if path.exists() and sheet.parent not in (path, *path.parents)]
+    newer = [path.name for path in made if _changed_ns(path) > sheet.stat().st_mtime_ns]
+    return list(dict.fromkeys([*newer, *task.unwritten(bench)]))
+
+
+def _changed_ns(path: Path) -> int:
+    """When a file, or what is in a folder, was last changed; that one was taken away, too."""
+    return max(one.stat().st_mtime_ns for one in (path, *(path.iterdir() if path.is_dir() else ())))
 
 
 def differing_fields(one: Sequence[str], other: Sequence[str]) -> list[str]:
@@ -383,8 +398,8 @@ def register_stored(
     """In ``{page}-stored``: files of the study folder, `more` columns, and a button that removes each of them."""
 
     def row(path: Path) -> list[Any]:
-        about = f"Remove {path.name} from the study folder"
-        remove = html.Button("Remove", id={"type": f"{page}-remove", "file": path.name}, title=about)
+        about: dict[str, Any] = {"title": f"It goes to the folder {REMOVED}", "aria-label": f"Remove {path.name}"}
+        remove = html.Button("Remove", id={"type": f"{page}-remove", "file": path.name}, **about)
         return [path.name, *(text(path) for text in more.values()), remove]
 
     @app.callback(Output(f"{page}-stored", "children"), Input(REVISION, "data"))
@@ -396,7 +411,7 @@ def register_stored(
     def _remove(clicks: list[int | None]) -> None:
         for path in files() if any(clicks) else ():
             if path.name == dash.ctx.triggered_id["file"]:
-                path.unlink(missing_ok=True)
+                put_away(bench.folder, path)
                 bench.changed()
         tell(bench)
 

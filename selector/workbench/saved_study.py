@@ -103,13 +103,13 @@ def _export_of(said: ExportSection | None, folder: Path) -> Export:
     replayed = tuple(path_at(path, folder) for path in said.replay)
     return Export(
         said.model or "", said.target, replayed, clamp_um=dict(said.clamp), slew_um_per_s=dict(said.slew),
-        margin=said.margin, inverted=said.invert,
+        margin=said.margin or 0.0, inverted=said.invert,
     )  # fmt: skip
 
 
 def _export_section(asked: Export, folder: Path) -> ExportSection:
     said: dict[str, Any] = {"target": asked.target, "clamp": dict(asked.clamp_um), "slew": dict(asked.slew_um_per_s)}
-    said |= {"replay": asked.replayed or (), "margin": asked.margin, "invert": asked.inverted}
+    said |= {"replay": asked.replayed or (), "margin": asked.margin or None, "invert": asked.inverted}
     return export_section(folder, model=folder / asked.model, **said)
 
 

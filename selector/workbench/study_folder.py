@@ -15,6 +15,7 @@ MACHINE_BEFORE = "machine.before.toml"
 PICTURES, MODELS, CIRCLES, TAP_TESTS = "pictures", "models", "circles", "tap-tests"
 UPLOADS = (RECORDINGS, SIMULATION, PICTURES, MODELS, CIRCLES, TAP_TESTS)
 CYCLE = "cycle.csv"  #: The duty cycle of a prediction
+REMOVED = "removed"  #: Where files go that are removed on a page: they may be measured data
 MOST_UPLOADED_BYTES = 200_000_000
 
 #: File systems take 255 bytes, Windows 260 characters with all folders; a number may be added.
@@ -65,6 +66,22 @@ def free_name(folder: Path, name: str) -> str:
         count += 1
         free = f"{stem}_{count}{dot}{ending}" if dot else f"{name}_{count}"
     return free
+
+
+def put_away(folder: Path, path: Path) -> None:
+    """Moves a file of a study folder to `REMOVED` in it, under a name that is free there.
+
+    Raises OptionError: the file cannot be moved.
+    """
+    place = folder / REMOVED
+    try:
+        place.mkdir(exist_ok=True)
+        path.rename(place / free_name(place, path.name))
+    except OSError as error:
+        raise OptionError(
+            f"{path.name} cannot be moved ({error.strerror or error})", expected="a file that no program holds open",
+            where=str(place), advice="close the programs that have it open, or remove it by hand",
+        ) from error  # fmt: skip
 
 
 def inside(folder: Path, relative: str) -> Path | None:

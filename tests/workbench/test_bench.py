@@ -197,7 +197,7 @@ def test_a_diagnosis_is_saved_with_what_it_compares(bench, tmp_path):
     assert again.diagnosis.holdout == "0.25"
 
 
-def test_a_recording_is_let_go_and_only_a_copy_of_the_study_is_deleted(bench, tmp_path):
+def test_a_recording_is_let_go_and_only_a_file_of_the_study_is_put_away(bench, tmp_path):
     copy = tmp_path / "recordings" / "r3.csv"
     copy.parent.mkdir()
     copy.write_bytes((VMC / "r3.csv").read_bytes())
@@ -208,7 +208,14 @@ def test_a_recording_is_let_go_and_only_a_copy_of_the_study_is_deleted(bench, tm
     assert [run.name for run in settled(bench).inspection.reading.runs] == ["r1"]
     assert [one.path for one in bench.loaded] == [VMC / "r1.csv"]
     assert not copy.exists()
+    assert (tmp_path / "removed" / "r3.csv").read_bytes() == (VMC / "r3.csv").read_bytes()
     assert (VMC / "r2.csv").is_file()
+    # a second file of that name stays beside the first
+    copy.write_text("t\n", encoding="utf-8")
+    bench.add(copy)
+    bench.remove(copy)
+    settled(bench)
+    assert len(list((tmp_path / "removed").iterdir())) == 2
 
 
 def test_an_export_is_taken_up_again_but_nobody_is_told_that_a_sign_test_was_passed(bench, tmp_path):
@@ -220,6 +227,10 @@ def test_an_export_is_taken_up_again_but_nobody_is_told_that_a_sign_test_was_pas
     bench.save()
     again = Bench(tmp_path)
     assert again.export == Export(**asked)
+    # an earlier version refuses a key that it does not know
+    bench.choose_export(margin=0.0)
+    assert "margin" not in bench.save().read_text(encoding="utf-8")
+    bench.choose_export(margin=12.5)
     words = export_command(tmp_path, bench.export, None, Overrides())
     assert words[-11:] == (
         "--clamp", "Z=40.5", "--slew", "Z=0.5", "--margin", "12.5", "--invert", "Z", "--sign-verified", "--tested",

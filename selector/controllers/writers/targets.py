@@ -111,6 +111,7 @@ def _line_of_sinumerik(model: ModelFile, rows: Rows, whole: Answers, main: Answe
 
 
 _ST_FILE, _SCL_FILE, _BLOCK_FILE, _XML_FILE = f"{NAME}.st", f"{NAME}.scl", f"{BLOCK}.TcPOU", f"{BLOCK}.xml"
+LARGEST_MARGIN_PERCENT = 100.0  #: By which sensors may be followed beyond their ranges
 _SMALLER = "its guard is smaller"
 _SINGLE = "it calculates in single precision"
 _NO_CLAMP = "the control's straight line goes on beyond the valid positions, and has no clamp"

@@ -15,18 +15,21 @@
   function ticked(table, number, isUsed) {
     const tick = made("input", "", { type: "checkbox", checked: isUsed });
     tick.dataset.number = number;
-    tick.setAttribute("aria-label", `use ${table.rows[number + 1].cells[1].textContent}`);
+    tick.name = table.rows[number + 1].cells[1].textContent;
+    tick.setAttribute("aria-label", `use ${tick.name}`);
     tick.addEventListener("change", () => {
-      const ticks = Array.from(table.querySelectorAll("input"), (one) => one.checked);
-      set("used", ticks);
+      set("used", Array.from(table.querySelectorAll("input"), (one) => [one.name, one.checked]));
     });
     return tick;
   }
 
-  // one that is used is first left out: nothing that counts goes with one click
+  // the focus goes to the next one
+  let removedAt;
   function remover(number, name) {
-    const button = made("button", "Remove", { title: `Remove ${name} from this study` });
+    const button = made("button", "Remove", { title: `Take ${name} out of this study; a copy goes to its folder removed` });
+    button.setAttribute("aria-label", `Remove ${name}`);
     button.addEventListener("click", () => {
+      removedAt = number;
       set("removed", [number, name]);
     });
     return button;
@@ -61,6 +64,11 @@
       row.cells[0].append(ticked(table, number, used));
     });
     if (held !== undefined) table.querySelector(`[data-number="${held}"]`)?.focus();
+    else if (removedAt !== undefined) {
+      const ticks = table.querySelectorAll("input");
+      ticks[Math.min(removedAt, ticks.length - 1)]?.focus();
+    }
+    removedAt = undefined;
     return "";
   }
 

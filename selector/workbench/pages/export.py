@@ -12,7 +12,7 @@ from dash.development.base_component import Component
 from pydantic import TypeAdapter
 
 from selector.controllers import decided_limits
-from selector.controllers.writers.targets import TARGETS
+from selector.controllers.writers.targets import LARGEST_MARGIN_PERCENT, TARGETS
 from selector.errors import OptionError
 from selector.findings import Finding
 from selector.number_text import number_text
@@ -61,8 +61,9 @@ def _boxes(bench: Bench) -> Boxes:
         tick("is_sign_verified", FIELDS["--sign-verified"]),
         Box("tested", FIELDS["--tested"], tested),
         Box(
-            "margin", FIELDS["--margin"], "of the width of each range; nobody has seen what the machine does there",
-            lambda text: typed.number(text or "0", FIELDS["--margin"], 0.0, unit="%"), lambda share: f"{share:.12g}",
+            "margin", FIELDS["--margin"], "of the width of each range, in programs with a guard; nobody has seen that",
+            lambda text: typed.number(text or "0", FIELDS["--margin"], 0.0, LARGEST_MARGIN_PERCENT, unit="%"),
+            lambda share: f"{share:.12g}",
         ),
     )  # fmt: skip
     return Boxes(ID, boxes, lambda: bench.export, bench.choose_export)

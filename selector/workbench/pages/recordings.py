@@ -187,11 +187,11 @@ def _register_files(app: dash.Dash, bench: Bench) -> None:
             parts.tell(bench)
 
     @app.callback(Input(f"{ID}-used", "data"), prevent_initial_call=True)
-    def _use(ticks: list[bool] | None) -> None:
+    def _use(ticks: list[list[Any]] | None) -> None:
         loaded = bench.loaded
         # the rows may be those of other files
-        if ticks is not None and len(ticks) == len(loaded):
-            bench.use([one.path for one, tick in zip(loaded, ticks, strict=True) if tick])
+        if ticks is not None and [name for name, _ in ticks] == [one.path.name for one in loaded]:
+            bench.use([one.path for one, (_, tick) in zip(loaded, ticks, strict=True) if tick])
             parts.tell(bench)
 
     @app.callback(Input(f"{ID}-removed", "data"), prevent_initial_call=True)

@@ -18,7 +18,7 @@ from selector.telling.account import Account
 from selector.telling.simulated import account_of
 from selector.telling.simulated.result import SimulationResult
 from selector.workbench import parts, typed
-from selector.workbench.bench import Bench
+from selector.workbench.bench import Bench, model_bytes
 from selector.workbench.boxes import Column, Rows
 from selector.workbench.commands import SIMULATED, Simulation, told_path
 from selector.workbench.study_folder import MODELS
@@ -120,7 +120,8 @@ def register(app: dash.Dash, bench: Bench) -> None:
 
     missing = OptionError("no machine", expected="a model file", where=TITLE, advice="choose one")
     how = (command, lambda _: SIMULATED, missing, [choices, values])
-    parts.register_task(app, bench, parts.Task(ID, TITLE, *how, answered=_answered, prepare=_prepare))
+    task = parts.Task(ID, TITLE, *how, answered=_answered, prepare=_prepare, unwritten=_unwritten)
+    parts.register_task(app, bench, task)
 
 
 def _prepare(bench: Bench) -> None:
@@ -128,6 +129,15 @@ def _prepare(bench: Bench) -> None:
     (bench.folder / SIMULATED).mkdir(exist_ok=True)
     if bench.simulation.values:
         bench.write_model(_changed(bench.simulation), model_shown(bench.simulation))
+
+
+def _unwritten(bench: Bench) -> list[str]:
+    """The changed machine, where its file says other values."""
+    asked = bench.simulation
+    path = bench.folder / _changed(asked)
+    if not asked.values or not path.is_file():
+        return []
+    return [path.name] if path.read_bytes() != model_bytes(model_shown(asked)) else []
 
 
 def _changed(asked: Simulation) -> str:
