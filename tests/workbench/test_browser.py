@@ -305,10 +305,15 @@ def test_a_wrong_file_says_why_and_the_others_stay_and_one_that_is_dropped_joins
     page.get_by_role("checkbox", name="use empty.csv").check()
     wait_for(lambda: not bench.is_reading)
     page.locator("tr", has_text="photo.csv").get_by_text("cannot be read").wait_for()
+    # the page may still show the one that is being tried
+    api.expect(page.get_by_text("cannot be read, see below")).to_have_count(2, timeout=PATIENCE_MS)
     for left, name in ((1, "photo.csv"), (0, "empty.csv")):
         page.locator("tr", has_text=name).get_by_role("button", name="Remove").click()
-        api.expect(page.get_by_role("alert")).to_have_count(left, timeout=PATIENCE_MS)
+        wait_for((study / "removed" / name).exists)
         assert not (study / "recordings" / name).exists()
+        api.expect(page.get_by_role("alert")).to_have_count(left, timeout=PATIENCE_MS)
+        # whoever uses the keyboard goes on in the table
+        api.expect(page.locator("table.files input:focus")).to_have_count(1, timeout=PATIENCE_MS)
     assert page.get_by_role("button", name="Remove").count() == 0
     assert [one.path.name for one in bench.loaded] == ["recording.csv"]
 
